@@ -1,0 +1,162 @@
+"""What a dataset hands on: a `Sequence` of `Frame`, of which only names are known until one is read."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.errors import DatasetError
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Ground-truth pose of a capture, in the dataset's own frame.
+
+    x and y in metres, yaw in radians, counter-clockwise, in (-pi, pi].
+    """
+
+    x: float
+    y: float
+    yaw: float
+
+
+@dataclass(frozen=True, slots=True)
+class Mirror:
+    """Where the mirror lies in an omnidirectional image, in pixels (x right, y down).
+
+    The annulus between `r_in` (edge of the camera's own reflection) and `r_out` (mirror rim) is what
+    the robot sees.
+    """
+
+    cx: float
+    cy: float
+    r_in: float
+    r_out: float
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """What a dataset knows about its images before one is read.
+
+    `auto` means that the aspect ratio of the first image decides; `mirror` None means that it has to be
+    estimated from the images.
+    """
+
+    kind: Literal["omnidirectional", "panoramic", "auto"] = "auto"
+    mirror: Mirror | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One capture: an image file and what its name and labels say about it.
+
+    `file` is the name results are recorded under (relative to the sequence, ``/`` as separator), `time_ns`
+    nanoseconds since the epoch.
+    """
+
+    path: Path
+    file: str
+    time_ns: int | None = None
+    pose: Pose | None = None
+    room: str | None = None
+
+    def read(self) -> bytes:
+        """Return the bytes of the image file.
+
+        Raises
+        ------
+        DatasetError
+            If the file cannot be read.
+        """
+        try:
+            return self.path.read_bytes()
+        except OSError as error:
+            raise DatasetError(f"cannot read image {self.path}: {error.strerror or error}") from error
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Frames in the order in which the robot took them.
+
+    Attributes
+    ----------
+    name
+        Short name for run folders and tables, e.g. ``seq2_cloudy3``; a plain file name, never a path.
+    source
+        The source that loads this sequence again, e.g. ``cold:/data/seq2_cloudy3``.
+    root
+        The folder the frames come from.
+    frames
+        The frames to replay.
+    camera
+        What is known of the camera.
+    calibration
+        The first frames of the whole sequence, whatever the cut; the camera is estimated from these, so
+        that neither a cut nor frames appended later change it.
+    card
+        Name of the data card that describes the sequence's family, if any.
+    cut_from
+        (start, stride, limit) this sequence was cut with, (0, 1, None) for the whole.
+    """
+
+    name: str
+    source: str
+    root: Path
+    frames: tuple[Frame, ...]
+    camera: Camera = Camera()
+    calibration: tuple[Frame, ...] = ()
+    card: str | None = None
+    cut_from: tuple[int, int, int | None] = (0, 1, None)
+
+    CALIBRATION_FRAMES = 64
+
+    def __post_init__(self) -> None:
+        if not self.calibration:
+            object.__setattr__(self, "calibration", self.frames[: self.CALIBRATION_FRAMES])
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def cut(self, *, start: int = 0, stride: int = 1, limit: int | None = None) -> Sequence:
+        """Return every `stride`-th frame from `start` on, at most `limit` of them.
+
+        Raises
+        ------
+        DatasetError
+            If nothing is left.
+        """
+        if (start, stride, limit) == (0, 1, None):
+            return self
+        frames = self.frames[start::stride][:limit]
+        if not frames:
+            raise DatasetError(
+                f"{self.source}: start {start}, stride {stride}, limit {limit} leave none of its {len(self)} frames"
+            )
+        return dataclasses.replace(self, frames=frames, cut_from=(start, stride, limit))
+
+    @property
+    def positions(self) -> NDArray[np.float64] | None:
+        """Capture positions, shape (n, 2), metres; None unless every frame has a finite one."""
+        return self._poses(("x", "y"))
+
+    @property
+    def yaws(self) -> NDArray[np.float64] | None:
+        """Headings, shape (n,), radians; None unless every frame has a finite one."""
+        yaws = self._poses(("yaw",))
+        return None if yaws is None else yaws[:, 0]
+
+    @property
+    def rooms(self) -> tuple[str | None, ...]:
+        """Room label of every frame, None where there is none."""
+        return tuple(frame.room for frame in self.frames)
+
+    def _poses(self, fields: tuple[str, ...]) -> NDArray[np.float64] | None:
+        if any(frame.pose is None for frame in self.frames):
+            return None
+        values = np.array([[getattr(frame.pose, name) for name in fields] for frame in self.frames])
+        return values if np.isfinite(values).all() else None
