@@ -1,0 +1,1 @@
+"""Reference partitions to hold a map against."""

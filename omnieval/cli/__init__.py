@@ -1,0 +1,77 @@
+"""The command line: one thin file a command; this one assembles them and turns errors into exit codes."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+import typer
+from typer.exceptions import TyperException
+
+from omnieval.cli import dataset, describe, map_descriptors, render, replay, view
+from omnieval.errors import OmnievalError
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="omnieval",
+    help="Replay incremental topological mapping over omnidirectional images and keep the evidence of every decision.",
+    epilog="A SOURCE is synthetic[:cloudy|night|sunny], cold:PATH, folder:PATH, or a path recognised by its content. "
+    "Exit codes: 0 ok, 1 unexpected, 2 usage or configuration, 3 dataset invalid, 4 regression failed, "
+    "5 some jobs failed, 130 interrupted. Add --debug to any command for the traceback of an error.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("replay")(replay.replay)
+app.command("map")(map_descriptors.map_descriptors)
+app.command("describe")(describe.describe)
+app.command("render")(render.render)
+app.command("view")(view.view)
+app.add_typer(dataset.app, name="dataset")
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    ctx: typer.Context, version: bool = typer.Option(False, "--version", help="Show the version and exit.")
+) -> None:
+    if version:
+        import omnieval
+
+        typer.echo(f"omnieval {omnieval.__version__}")
+    elif ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help())
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with its documented code. Every error is handled here, once."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in given
+    try:
+        code = app(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)
+    except TyperException as error:
+        code = _fail(error.format_message(), error.exit_code)
+    except OmnievalError as error:
+        if debug:
+            raise
+        code = _fail(str(error), error.exit_code)
+    except KeyboardInterrupt:
+        code = _fail("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read our output has gone; nothing is left to say and stdout must not be flushed at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 1
+    except Exception as error:
+        if debug:
+            raise
+        code = _fail(f"unexpected {type(error).__name__}: {error}; run again with --debug and report it", 1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str, code: int) -> int:
+    line = " ".join(message.split())
+    print(f"omnieval: {line}", file=sys.stderr)
+    return code

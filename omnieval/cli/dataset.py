@@ -1,0 +1,148 @@
+"""``omnieval dataset``: what is known of datasets, what is on disk, what is wrong with it, and a synthetic one."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omnieval.cli import options
+
+if TYPE_CHECKING:
+    from omnieval.datasets.check import CheckReport
+
+app = typer.Typer(
+    help="Data cards, checks, and the synthetic building.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+Card = Annotated[str, typer.Argument(help="Name of a data card; see: omnieval dataset list.", metavar="CARD")]
+
+
+@app.command("list")
+def list_cards(json: options.Json = False) -> None:
+    """List the datasets that have a data card.
+
+    Examples:
+
+      omnieval dataset list
+    """
+    from omnieval.cli.console import print_fields, print_json
+    from omnieval.datasets.cards import all_cards
+
+    cards = all_cards()
+    if json:
+        print_json({"schema_version": 1, "cards": [{"name": card.name, "title": card.title} for card in cards]})
+    else:
+        print_fields((card.name, card.title) for card in cards)
+
+
+@app.command("info")
+def info(card: Card, json: options.Json = False) -> None:
+    """Show a data card: where to get the dataset, how to cite it, its sequences and rooms.
+
+    Examples:
+
+      omnieval dataset info cold-freiburg
+    """
+    from omnieval.cli.console import print_fields, print_json
+    from omnieval.datasets.cards import card as find_card
+
+    found = find_card(card)
+    if json:
+        print_json({"schema_version": 1, **found.model_dump(mode="json", by_alias=True)})
+        return
+    print(found.title)
+    texts = {
+        "get": found.get,
+        "homepage": found.homepage,
+        "citation": found.citation,
+        "licence": found.licence,
+        "notes": found.notes,
+    }
+    print_fields((name, " ".join(text.split())) for name, text in texts.items() if text)
+    if found.rooms:
+        print("rooms")
+        print_fields(found.rooms.items())
+    if found.sequences:
+        print("sequences")
+        print_fields(
+            (known.path, ", ".join(_facts(known.images, known.length_m, known.note))) for known in found.sequences
+        )
+
+
+@app.command("check")
+def check(source: options.Source = "synthetic", json: options.Json = False) -> None:
+    """Check a sequence on disk against itself and its data card, reporting every finding at once.
+
+    Reads every image. Exits with 3 if there is an error.
+
+    Examples:
+
+      omnieval dataset check cold:/data/cold-freiburg/part_a/seq2_cloudy3
+    """
+    from omnieval.cli.console import print_json, progress
+    from omnieval.datasets.check import check as check_sequence
+    from omnieval.errors import DatasetError
+
+    with progress("checking") as report_progress:
+        report = check_sequence(source, progress=report_progress)
+    if json:
+        print_json({"schema_version": 1, "ok": report.ok, **dataclasses.asdict(report)})
+    else:
+        _print_report(report)
+    if not report.ok:
+        errors = sum(finding.severity == "error" for finding in report.findings)
+        raise DatasetError(f"{report.source} has {errors} error(s), listed above; mend or remove what they name")
+
+
+@app.command("synthesize")
+def synthesize(
+    directory: Annotated[Path, typer.Argument(help="Folder to write the sequence to.", metavar="DIR")],
+    light: Annotated[str, typer.Option(help="cloudy, night or sunny.")] = "cloudy",
+    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames; default the whole tour.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of noise, people and the path's details.")] = 0,
+) -> None:
+    """Render the synthetic building as a sequence in COLD's layout.
+
+    Examples:
+
+      omnieval dataset synthesize night1 --light night --frames 300 --seed 7
+    """
+    from omnieval.cli.console import progress
+    from omnieval.datasets.synthetic import synthesize as write_sequence
+
+    with progress("rendering") as report:
+        print(write_sequence(directory, light=light, frames=frames, seed=seed, progress=report))
+
+
+def _print_report(report: CheckReport) -> None:
+    from omnieval.cli.console import print_fields
+
+    facts = {
+        "name": report.name,
+        "folder": report.root,
+        "card": report.card,
+        "frames": report.frames,
+        "length": _with_unit(report.length_m, "m"),
+        "duration": _with_unit(report.duration_s, "s"),
+        "mean spacing": _with_unit(report.spacing_m, "m"),
+        "image size": " x ".join(map(str, report.image_size)) if report.image_size else None,
+        "rooms": ", ".join(f"{room} {count}" for room, count in report.rooms.items()) or None,
+    }
+    print(report.source)
+    print_fields((name, str(value)) for name, value in facts.items() if value is not None)
+    for finding in report.findings:
+        print(f"{finding.severity}: {finding.where}: {finding.message} [{finding.code}]")
+    print("ok" if report.ok else "not ok")
+
+
+def _with_unit(value: float | None, unit: str) -> str | None:
+    return None if value is None else f"{value:.3g} {unit}" if value < 1 else f"{value:.2f} {unit}"
+
+
+def _facts(images: int | None, length_m: float | None, note: str | None) -> list[str]:
+    facts = [f"{images} images" if images else "", f"{length_m} m" if length_m else "", note or ""]
+    return [fact for fact in facts if fact]

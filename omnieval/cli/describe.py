@@ -1,0 +1,47 @@
+"""``omnieval describe``: descriptors as arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnieval.cli import options
+
+
+def describe(
+    out: Annotated[Path, typer.Option(help="Archive to write.", metavar="FILE.npz")],
+    source: options.Source = "synthetic",
+    set_: options.Set = None,
+    config: options.ConfigFile = None,
+    descriptor: options.DescriptorName = None,
+    start: options.Start = 0,
+    stride: options.Stride = 1,
+    limit: options.Limit = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.npz.")] = False,
+    json: options.Json = False,
+) -> None:
+    """Describe every image of a sequence and write the descriptors as a NumPy archive.
+
+    Arrays: position (n, d), orientation (n, cells, bins), file, xy (metres), yaw (radians), room, time_ns.
+
+    Examples:
+
+      omnieval describe cold:/data/seq2_cloudy3 --out seq2_cloudy3.npz
+
+      omnieval describe synthetic:sunny --descriptor hog --set hog.orientation_width=32 --out sunny.npz
+    """
+    from omnieval.cli.console import print_fields, print_json, progress
+    from omnieval.loop import describe_archive
+
+    resolved = options.configuration(set_, config, None, descriptor)
+    sequence = options.sequence(source, start, stride, limit)
+    with progress("describing") as report:
+        archive = describe_archive(sequence, out, config=resolved, overwrite=overwrite, progress=report)
+    shapes = {"position": list(archive.position.shape), "orientation": list(archive.orientation.shape)}
+    if json:
+        print_json({"schema_version": 1, "file": str(out), "source": sequence.source, **shapes})
+    else:
+        print(out)
+        print_fields((name, " x ".join(map(str, shape))) for name, shape in shapes.items())

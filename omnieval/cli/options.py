@@ -1,0 +1,73 @@
+"""Arguments and options that several commands share, so that each has one name, one meaning and one help text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from omnieval.config import Config
+    from omnieval.datasets.sequence import Sequence as ImageSequence
+    from omnieval.recording.options import RecordingOptions
+
+Source = Annotated[
+    str,
+    typer.Argument(
+        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, folder:PATH, or a path recognised by its content.",
+        metavar="[SOURCE]",
+    ),
+]
+RunArgument = Annotated[Path, typer.Argument(help="A run folder, e.g. runs/synthetic-cloudy-hog.", metavar="RUN")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Set a parameter, e.g. --set omega=1.85; repeatable.", metavar="NAME=VALUE"),
+]
+ConfigFile = Annotated[
+    list[Path] | None, typer.Option("--config", help="TOML file of parameters; repeatable.", metavar="FILE.toml")
+]
+Preset = Annotated[str | None, typer.Option(help="Named parameters: recommended (default) or paper-literal.")]
+DescriptorName = Annotated[str | None, typer.Option("--descriptor", help="Descriptor, e.g. hog (default).")]
+Start = Annotated[int, typer.Option(min=0, help="First frame to use.")]
+Stride = Annotated[int, typer.Option(min=1, help="Use every n-th frame.")]
+Limit = Annotated[int | None, typer.Option(min=1, help="Use at most this many frames.")]
+Out = Annotated[
+    Path | None, typer.Option(help="Run folder to write; default runs/<sequence>-<descriptor>[-<n>].", metavar="DIR")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier run in the same folder.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+NoImages = Annotated[bool, typer.Option("--no-images", help="Leave images out of the recording.")]
+Every = Annotated[int, typer.Option("--every", min=1, help="Record images and curves at every n-th step only.")]
+
+
+def configuration(
+    settings: Sequence[str] | None, files: Sequence[Path] | None, preset: str | None, descriptor: str | None
+) -> Config:
+    """Return the configuration the options ask for: preset, then files, then --set, later ones winning."""
+    from omnieval.config import Setting, parse_assignment, read_settings, resolve
+
+    given = [setting for file in files or () for setting in read_settings(file)]
+    given += [parse_assignment(text) for text in settings or ()]
+    if descriptor is not None:
+        given.append(Setting("descriptor", descriptor, f"--descriptor {descriptor}"))
+    return resolve(given, preset=preset)
+
+
+def sequence(source: str, start: int, stride: int, limit: int | None) -> ImageSequence:
+    """Load a source and cut it."""
+    from omnieval.datasets import load
+
+    return load(source).cut(start=start, stride=stride, limit=limit)
+
+
+def recording(
+    *, no_rrd: bool, no_images: bool = False, every: int = 1, spawn: bool = False, connect: str | None = None
+) -> RecordingOptions | None:
+    """Return how to record; None when nothing is to be recorded or shown."""
+    from omnieval.recording.options import RecordingOptions
+
+    if no_rrd and not spawn and connect is None:
+        return None
+    return RecordingOptions(images=not no_images, every=every, spawn=spawn, connect=connect, file=not no_rrd)

@@ -1,0 +1,71 @@
+"""``omnieval replay``: the main job."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omnieval.cli import options
+
+if TYPE_CHECKING:
+    from omnieval.results.run_folder import Run
+
+
+def replay(
+    source: options.Source = "synthetic",
+    set_: options.Set = None,
+    config: options.ConfigFile = None,
+    preset: options.Preset = None,
+    descriptor: options.DescriptorName = None,
+    start: options.Start = 0,
+    stride: options.Stride = 1,
+    limit: options.Limit = None,
+    out: options.Out = None,
+    overwrite: options.Overwrite = False,
+    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Write no recording for the Rerun viewer.")] = False,
+    no_images: options.NoImages = False,
+    every: options.Every = 1,
+    spawn: Annotated[bool, typer.Option("--spawn", help="Show the replay live in a new Rerun viewer.")] = False,
+    connect: Annotated[
+        str | None, typer.Option(help="Show the replay live in a running Rerun viewer.", metavar="URL")
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Replay the mapping method over a sequence and keep the evidence of every decision.
+
+    Writes a run folder (tables and a recording for the Rerun viewer) and prints its summary.
+
+    Examples:
+
+      omnieval replay
+
+      omnieval replay synthetic:night --set omega=1.85 --set merge_y=0.75
+
+      omnieval replay cold:/data/cold-freiburg/part_a/seq2_cloudy3 --preset paper-literal
+
+      omnieval replay folder:/data/panoramas --limit 500 --no-rrd --json
+    """
+    from omnieval.cli.console import progress
+    from omnieval.loop import replay as run_replay
+
+    resolved = options.configuration(set_, config, preset, descriptor)
+    sequence = options.sequence(source, start, stride, limit)
+    recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
+    with progress("replaying") as report:
+        run = run_replay(sequence, config=resolved, out=out, overwrite=overwrite, recording=recording, progress=report)
+    print_run(run, json=json)
+
+
+def print_run(run: Run, *, json: bool) -> None:
+    """Print what a run came to."""
+    from omnieval.cli.console import note, print_fields, print_json
+    from omnieval.results.summary import summary_fields
+
+    if json:
+        print_json({"run": str(run.folder), **run.manifest})
+    else:
+        print(run.folder)
+        print_fields(summary_fields(run))
+    if failure := run.manifest.get("recording_failure"):
+        note(f"the recording is incomplete, the tables are not: {failure}")

@@ -1,0 +1,78 @@
+"""The images the mapper has seen: their descriptors, growing, addressed by frame number."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.descriptors.description import Description
+from omnieval.descriptors.distance import OrientationStore
+from omnieval.errors import ConfigError
+
+
+class ImageMemory:
+    """Descriptors of every image so far; memory grows linearly, by doubling."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._positions: NDArray[np.float64] = np.empty((0, 0))
+        self._orientations = OrientationStore()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, description: Description) -> int:
+        """Keep a description and return its frame number.
+
+        Raises
+        ------
+        ConfigError
+            If its arrays are not finite or not shaped like the ones before.
+        """
+        position = self._checked(description)
+        if self._count == len(self._positions):
+            grown = np.empty((max(64, 2 * self._count), position.size))
+            grown[: self._count] = self._positions[: self._count]
+            self._positions = grown
+        self._positions[self._count] = position
+        self._orientations.append(description.orientation)
+        self._count += 1
+        return self._count - 1
+
+    def positions(self, frames: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Position descriptors of some images, shape (m, d)."""
+        return self._positions[frames]
+
+    def position(self, frame: int) -> NDArray[np.float64]:
+        """Position descriptor of one image, shape (d,)."""
+        position: NDArray[np.float64] = self._positions[frame]
+        return position
+
+    def distances(
+        self, frame: int, frames: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        """Compare an image with others.
+
+        Returns
+        -------
+        Position distances, shift-invariant orientation distances and the shifts that align, each shape (m,).
+        """
+        position = np.linalg.norm(self._positions[frames] - self._positions[frame], axis=1)
+        orientation, shifts = self._orientations.compare(frame, frames)
+        return position, orientation, shifts
+
+    def _checked(self, description: Description) -> NDArray[np.float64]:
+        position, orientation = description.position, description.orientation
+        where = f"image {self._count}"
+        if position.ndim != 1 or orientation.ndim != 2:
+            raise ConfigError(
+                f"{where}: position and orientation descriptors must have 1 and 2 dimensions, "
+                f"got shapes {position.shape} and {orientation.shape}"
+            )
+        if self._count and position.size != self._positions.shape[1]:
+            raise ConfigError(
+                f"{where}: position descriptor has {position.size} values, earlier ones {self._positions.shape[1]}"
+            )
+        if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
+            raise ConfigError(f"{where}: its descriptor has NaN or infinite values")
+        return position.astype(np.float64)

@@ -1,0 +1,61 @@
+"""Where a result comes from: versions, the code that decides, the data, and the identity of a run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import omnieval
+from omnieval.datasets.sequence import Frame
+
+_LIBRARIES = ("numpy", "scipy", "scikit-learn", "opencv-python-headless", "polars", "pydantic", "rerun-sdk")
+_DECIDING = ("datasets/sequence.py", "imaging", "descriptors", "mapping", "seeding.py")
+"""The parts of the package that a decision can depend on."""
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of omnieval, Python and the libraries a result may depend on."""
+    libraries = {name: version(name) for name in _LIBRARIES}
+    return {"omnieval": omnieval.__version__, "python": platform.python_version(), **libraries}
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of the source files that a decision can depend on."""
+    root = Path(omnieval.__file__).parent
+    parts = [root / name for name in _DECIDING]
+    files = sorted(file for part in parts for file in (part.rglob("*.py") if part.is_dir() else [part]))
+    return _digest([[file.relative_to(root).as_posix(), file.read_text("utf-8")] for file in files])
+
+
+def dataset_fingerprint(frames: Sequence[Frame], image_digests: Iterable[str]) -> str:
+    """Return a digest of the images of a sequence, their names, poses and labels, in order; no path, no host.
+
+    Parameters
+    ----------
+    frames
+        The frames of the sequence.
+    image_digests
+        Digest of the bytes of each image.
+    """
+    described = [
+        [frame.file, digest, frame.time_ns, [pose.x, pose.y, pose.yaw] if (pose := frame.pose) else None, frame.room]
+        for frame, digest in zip(frames, image_digests, strict=True)
+    ]
+    return _digest(described)
+
+
+def identity(configuration: dict[str, Any], fingerprint: str) -> str:
+    """Return the identity of a run: equal identities have equal tables."""
+    return _digest({"configuration": configuration, "dataset": fingerprint, "code": code_digest()})
+
+
+def _digest(content: Any) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()

@@ -1,0 +1,252 @@
+"""The run folder: ``runs/<sequence>-<descriptor>[-<n>]/``.
+
+    run.json              what was run, its status, metrics and timings
+    steps.parquet         one row a frame: every decision and its evidence
+    nodes.parquet         one row a node
+    transitions.parquet   edges of the topological map
+    replay.rrd            the recording for the Rerun viewer
+    parts/                steps so far, while the run is under way
+
+Steps are written in parts as they come, so that a killed run leaves a readable prefix.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from omnieval.errors import ResultError
+from omnieval.results.atomic import write_json, write_table
+from omnieval.results.schemas import SCHEMA_VERSION, STEPS
+from omnieval.results.tables import steps_frame
+
+MANIFEST = "run.json"
+RECORDING = "replay.rrd"
+TABLES = ("steps", "nodes", "transitions")
+_PARTS = "parts"
+_PART_ROWS = 250
+_PART_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder to read.
+
+    Attributes
+    ----------
+    folder
+        Where it is.
+    manifest
+        The content of ``run.json``.
+    """
+
+    folder: Path
+    manifest: dict[str, Any]
+
+    @property
+    def status(self) -> str:
+        """``running``, ``complete``, ``interrupted`` or ``failed``; a dead process does not run."""
+        status: str = self.manifest["status"]
+        return "interrupted" if status == "running" and not _alive(self.manifest["process"]) else status
+
+    @property
+    def steps(self) -> pl.DataFrame:
+        """One row a frame (`schemas.STEPS`); of a run that did not end, the steps it came to."""
+        whole = self.folder / "steps.parquet"
+        if whole.exists():
+            return _read_table(whole)
+        parts = sorted((self.folder / _PARTS).glob("steps-*.parquet"))
+        return pl.concat([_read_table(part) for part in parts]) if parts else STEPS.to_frame()
+
+    @property
+    def nodes(self) -> pl.DataFrame:
+        """One row a node (`schemas.NODES`)."""
+        return _read_table(self.folder / "nodes.parquet")
+
+    @property
+    def transitions(self) -> pl.DataFrame:
+        """One row an edge of the topological map (`schemas.TRANSITIONS`)."""
+        return _read_table(self.folder / "transitions.parquet")
+
+    @property
+    def metrics(self) -> dict[str, float | int | None]:
+        """Metrics of the final map, empty unless the run is complete."""
+        metrics: dict[str, float | int | None] = self.manifest["metrics"]
+        return metrics
+
+    @property
+    def recording(self) -> Path:
+        """Where the Rerun recording is, if there is one."""
+        return self.folder / RECORDING
+
+
+def open_run(folder: Path) -> Run:
+    """Open a run folder.
+
+    Raises
+    ------
+    ResultError
+        If it is not one, or one of a schema this version does not know.
+    """
+    path = folder / MANIFEST
+    try:
+        manifest = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError as error:
+        raise ResultError(f"{folder} is not a run folder: it has no {MANIFEST}") from error
+    except (OSError, ValueError) as error:
+        raise ResultError(f"cannot read {path}: {error}; replay the sequence again") from error
+    found = manifest.get("schema_version") if isinstance(manifest, dict) else None
+    if found != SCHEMA_VERSION:
+        raise ResultError(
+            f"{path} has schema version {found}, this omnieval reads {SCHEMA_VERSION}; "
+            "replay the sequence again or use the version that wrote it"
+        )
+    return Run(folder, manifest)
+
+
+class RunWriter:
+    """Writes one run folder as the run goes; the status in ``run.json`` is always true.
+
+    Parameters
+    ----------
+    folder
+        Created, with its parents.
+    manifest
+        What is known at the start.
+    overwrite
+        Whether an earlier run in `folder` may be replaced. Only files that a run writes are removed.
+
+    Raises
+    ------
+    ResultError
+        If the folder holds something already or cannot be written.
+    """
+
+    def __init__(self, folder: Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
+        self.folder = folder
+        self._claim(overwrite=overwrite)
+        self._rows: list[dict[str, Any]] = []
+        self._written: list[pl.DataFrame] = []
+        self._last_write = time.monotonic()
+        self._manifest = {
+            "schema_version": SCHEMA_VERSION,
+            "status": "running",
+            "started": _now(),
+            "process": {"pid": os.getpid(), "host": platform.node()},
+            "metrics": {},
+            **manifest,
+        }
+        write_json(self._manifest, folder / MANIFEST)
+
+    def step(self, row: dict[str, Any]) -> None:
+        """Add the row of one step (`tables.step_row`)."""
+        self._rows.append(row)
+        if len(self._rows) >= _PART_ROWS or time.monotonic() - self._last_write > _PART_SECONDS:
+            self._write_part()
+
+    def steps(self) -> pl.DataFrame:
+        """Return the steps so far."""
+        self._written.append(steps_frame(self._rows))
+        self._rows = []
+        self._written = [pl.concat(self._written)]
+        return self._written[0]
+
+    def complete(self, tables: dict[str, pl.DataFrame], manifest: dict[str, Any]) -> Run:
+        """Write the final tables (by the names in `TABLES`) and close the run as complete."""
+        for name, table in tables.items():
+            write_table(table, self.folder / f"{name}.parquet")
+        return self._close("complete", manifest)
+
+    def abandon(self, status: str, reason: str) -> Run:
+        """Close a run that did not reach its end (`interrupted` or `failed`); its steps stay readable."""
+        write_table(self.steps(), self.folder / "steps.parquet")
+        return self._close(status, {"reason": reason})
+
+    def _write_part(self) -> None:
+        parts = self.folder / _PARTS
+        part = steps_frame(self._rows)
+        try:
+            parts.mkdir(exist_ok=True)
+        except OSError as error:
+            raise ResultError(f"cannot write {parts}: {error.strerror}") from error
+        write_table(part, parts / f"steps-{self._rows[0]['frame']:08d}.parquet")
+        self._written.append(part)
+        self._rows = []
+        self._last_write = time.monotonic()
+
+    def _close(self, status: str, manifest: dict[str, Any]) -> Run:
+        self._manifest |= {**manifest, "status": status, "finished": _now()}
+        write_json(self._manifest, self.folder / MANIFEST)
+        _remove_parts(self.folder)
+        return Run(self.folder, self._manifest)
+
+    def _claim(self, *, overwrite: bool) -> None:
+        folder = self.folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            occupied = any(folder.iterdir())
+        except OSError as error:
+            raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
+        if not occupied:
+            return
+        if not (folder / MANIFEST).exists():
+            raise ResultError(f"{folder} holds files that are not a run of omnieval; choose another --out")
+        if not overwrite:
+            raise ResultError(f"{folder} holds a run already; choose another --out or pass --overwrite")
+        for name in [MANIFEST, RECORDING, *(f"{table}.parquet" for table in TABLES)]:
+            (folder / name).unlink(missing_ok=True)
+        _remove_parts(folder)
+
+
+def free_folder(parent: Path, name: str) -> Path:
+    """Return the first of ``name``, ``name-2``, ``name-3`` ... that `parent` does not have yet."""
+    return next(folder for folder in _numbered(parent, name) if not folder.exists())
+
+
+def _numbered(parent: Path, name: str) -> Iterator[Path]:
+    yield parent / name
+    number = 2
+    while True:
+        yield parent / f"{name}-{number}"
+        number += 1
+
+
+def _remove_parts(folder: Path) -> None:
+    parts = folder / _PARTS
+    for part in parts.glob("steps-*.parquet"):
+        part.unlink()
+    if parts.is_dir() and not any(parts.iterdir()):
+        parts.rmdir()
+
+
+def _read_table(path: Path) -> pl.DataFrame:
+    try:
+        return pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise ResultError(f"cannot read {path}: {error}; replay the sequence again") from error
+
+
+def _alive(process: dict[str, Any]) -> bool:
+    """Whether the process that writes a run still exists, as far as this machine can tell."""
+    if os.name != "posix" or process["host"] != platform.node():
+        return True
+    try:
+        os.kill(process["pid"], 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

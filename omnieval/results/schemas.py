@@ -1,0 +1,87 @@
+"""The columns of every table of a run. A change here is a new `SCHEMA_VERSION`."""
+
+from __future__ import annotations
+
+import polars as pl
+
+from omnieval.mapping.step import EventKind, Placement, Verdict
+
+SCHEMA_VERSION = 1
+
+VERDICT = pl.Enum([verdict.value for verdict in Verdict])
+PLACEMENT = pl.Enum([placement.value for placement in Placement])
+EVENT = pl.Struct(
+    {
+        "kind": pl.Enum([kind.value for kind in EventKind]),
+        "node": pl.Int32,
+        "into": pl.Int32,
+        "frames": pl.List(pl.Int32),
+    }
+)
+
+STEPS = pl.Schema(
+    {
+        "frame": pl.Int32,
+        "file": pl.String,
+        "time": pl.Datetime("ns"),
+        "x": pl.Float64,
+        "y": pl.Float64,
+        "yaw": pl.Float64,
+        "room": pl.String,
+        "verdict": VERDICT,
+        "node": pl.Int32,
+        "node_final": pl.Int32,
+        "placement": PLACEMENT,
+        "forced": pl.Boolean,
+        "candidates": pl.List(pl.Int32),
+        "gate_nodes": pl.List(pl.Int32),
+        "gate_ratios": pl.List(pl.Float64),
+        "x_gate": pl.Float64,
+        "best_frame": pl.Int32,
+        "shift": pl.Int32,
+        "similarity_position": pl.Float64,
+        "similarity_orientation": pl.Float64,
+        "similarity": pl.Float64,
+        "prominence": pl.Float64,
+        "prominence_mean": pl.Float64,
+        "prominence_ratio": pl.Float64,
+        "peaks": pl.Int32,
+        "centroid_shift": pl.Float64,
+        "centroid_bound": pl.Float64,
+        "run": pl.Int32,
+        "event": pl.List(EVENT),
+        "active": pl.Int32,
+        "pending": pl.Int32,
+        "margin": pl.Float64,
+        "margin_gate": pl.String,
+        "milliseconds": pl.Float64,
+    }
+)
+"""One row a frame. All but `node_final`, `placement`, `forced` is known at the step itself."""
+
+DECISIONS = tuple(name for name in STEPS if name != "milliseconds")
+"""The columns that two runs of the same sequence and configuration share to the bit."""
+
+NODES = pl.Schema(
+    {
+        "node": pl.Int32,
+        "images": pl.Int32,
+        "active": pl.Boolean,
+        "created": pl.Int32,
+        "activated": pl.Int32,
+        "merged": pl.Int32,
+        "merged_into": pl.Int32,
+        "rooms": pl.List(pl.Struct({"room": pl.String, "share": pl.Float64})),
+        "center_x": pl.Float64,
+        "center_y": pl.Float64,
+        "extent": pl.Float64,
+        "representative_frame": pl.Int32,
+        "representative": pl.List(pl.Float32),
+    }
+)
+"""One row a node that ever was. `created`, `activated`, `merged` are frames, `extent` the diagonal of the bounding
+box of its images (metres), `representative` the mean position descriptor, `representative_frame` the image nearest
+to it; null for nodes that merged into another."""
+
+TRANSITIONS = pl.Schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
+"""The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""
