@@ -1,3 +1,52 @@
-"""omnieval replays incremental topological mapping over omnidirectional images and keeps every decision's evidence."""
+"""omnieval replays incremental topological mapping over omnidirectional images and keeps every decision's evidence.
+
+The public names below are loaded when they are first used, so that importing the package is instant.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from omnieval.config import Config, configure
+    from omnieval.datasets import load
+    from omnieval.descriptors.description import Description, Descriptor
+    from omnieval.loop import map_archive, replay
+    from omnieval.mapping.config import MapperConfig
+    from omnieval.mapping.mapper import Mapper
+    from omnieval.results.run_folder import Run, open_run
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Config",
+    "Description",
+    "Descriptor",
+    "Mapper",
+    "MapperConfig",
+    "Run",
+    "configure",
+    "load",
+    "map_archive",
+    "open_run",
+    "replay",
+]
+
+_HOMES = {
+    "Config": "omnieval.config",
+    "configure": "omnieval.config",
+    "load": "omnieval.datasets",
+    "Description": "omnieval.descriptors.description",
+    "Descriptor": "omnieval.descriptors.description",
+    "map_archive": "omnieval.loop",
+    "replay": "omnieval.loop",
+    "MapperConfig": "omnieval.mapping.config",
+    "Mapper": "omnieval.mapping.mapper",
+    "Run": "omnieval.results.run_folder",
+    "open_run": "omnieval.results.run_folder",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'omnieval' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from omnieval.descriptors.hog import HogConfig
+from omnieval.descriptors.description import Descriptor
+from omnieval.descriptors.hog import Hog, HogConfig
 from omnieval.errors import ConfigError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.mapping.config import PRESETS, MapperConfig
@@ -32,6 +33,14 @@ class Config(BaseModel):
     mapper: MapperConfig = MapperConfig()
     imaging: ImagingConfig = ImagingConfig()
     hog: HogConfig = HogConfig()
+
+    def make_descriptor(self) -> Descriptor:
+        """Return the descriptor that `descriptor` names, with the settings of its section."""
+        return DESCRIPTORS[self.descriptor](getattr(self, self.descriptor))
+
+
+DESCRIPTORS: dict[str, Callable[[Any], Descriptor]] = {"hog": Hog}
+"""Descriptors by name; each has a section of the same name in `Config`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +85,25 @@ def resolve(settings: Iterable[Setting] = (), *, preset: str | None = None) -> C
     if faults:
         raise ConfigError("; ".join(faults))
     try:
-        return Config.model_validate(_nested(applied))
+        config = Config.model_validate(_nested(applied))
     except ValidationError as error:
         raise ConfigError("; ".join(_explain(error, applied))) from error
+    if config.descriptor not in DESCRIPTORS:
+        near = _did_you_mean(config.descriptor, DESCRIPTORS)
+        raise ConfigError(f"unknown descriptor {config.descriptor!r}{near}; known: {', '.join(DESCRIPTORS)}")
+    return config
+
+
+def configure(settings: Mapping[str, Any] | None = None, *, preset: str | None = None, **parameters: Any) -> Config:
+    """Return a configuration from Python: ``configure(omega=1.85)``, ``configure({"hog.bins": 8}, preset=...)``.
+
+    Raises
+    ------
+    ConfigError
+        See `resolve`.
+    """
+    given = {**(settings or {}), **parameters}
+    return resolve([Setting(name, value, "configure") for name, value in given.items()], preset=preset)
 
 
 def parse_assignment(text: str) -> Setting:

@@ -1,16 +1,14 @@
 """The replay loop: sequence + descriptor + mapper -> steps -> sinks.
 
 The sinks are the run folder (`results`), which is the record, and the Rerun recording (`recording`), which is a view
-and can fail without changing any result.
+and may fail without changing any result.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
-import uuid
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,58 +18,23 @@ from numpy.typing import NDArray
 
 from omnieval.config import Config, resolve
 from omnieval.datasets import Sequence, load
-from omnieval.datasets.sequence import Frame
-from omnieval.descriptors import make_descriptor
-from omnieval.descriptors.archive import load_archive
+from omnieval.descriptors.archive import Archive, save_archive
 from omnieval.descriptors.cache import DescriptorCache
-from omnieval.descriptors.describe import DescribedFrame, Describer
+from omnieval.descriptors.describe import DescribedFrame
 from omnieval.descriptors.description import Descriptor
-from omnieval.errors import ConfigError, OmnievalError
-from omnieval.imaging.camera import resolve_camera
-from omnieval.imaging.pictures import Pictures
+from omnieval.errors import ConfigError, OmnievalError, ResultError
 from omnieval.mapping.mapper import Mapper
-from omnieval.mapping.step import FinalMap, Step
+from omnieval.mapping.step import Step
+from omnieval.material import Material, archive_material, image_material
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.recording.options import RecordingOptions
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
-from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder
+from omnieval.results.run_folder import Run, RunWriter, free_folder
 from omnieval.results.tables import nodes_frame, step_row, transitions_frame, with_final_map
+from omnieval.sinks import RecordingSink
 
 Progress = Callable[[int, int], None]
 RUNS = Path("runs")
-
-
-@dataclass(frozen=True)
-class Material:
-    """What is replayed, whether it comes from images or from descriptors computed elsewhere."""
-
-    name: str
-    source: str
-    frames: tuple[Frame, ...]
-    positions: NDArray[np.float64] | None
-    described: Iterable[DescribedFrame]
-    determining: dict[str, Any]
-    """All settings besides the mapper's that determine the result; part of the run's identity."""
-    about: dict[str, Any]
-    """What else ``run.json`` says of it."""
-    pictures: Pictures | None = None
-
-
-@dataclass
-class _Trace:
-    """What accumulates while a replay runs."""
-
-    digests: list[str] = field(default_factory=list)
-    positions: list[NDArray[np.float32]] = field(default_factory=list)
-    milliseconds: list[float] = field(default_factory=list)
-    margin: tuple[float, int, str] | None = None
-
-    def add(self, described: DescribedFrame, step: Step, milliseconds: float) -> None:
-        self.digests.append(described.digest)
-        self.positions.append(described.description.position)
-        self.milliseconds.append(milliseconds)
-        if step.margin and (self.margin is None or step.margin.value < self.margin[0]):
-            self.margin = (step.margin.value, step.frame, step.margin.gate)
 
 
 def replay(
@@ -114,8 +77,169 @@ def replay(
     """
     config = config or resolve()
     sequence = source if isinstance(source, Sequence) else load(source)
-    describing = descriptor or make_descriptor(config)
+    describing = descriptor or config.make_descriptor()
     with DescriptorCache() as cache:
-        material = _material(sequence, config, describing, cache)
+        material = image_material(sequence, config, describing, cache)
         folder = out or free_folder(RUNS, f"{sequence.name}-{describing.name}")
         return run(material, config, folder, overwrite=overwrite, recording=recording, progress=progress)
+
+
+def map_archive(
+    file: Path,
+    *,
+    config: Config | None = None,
+    out: Path | None = None,
+    overwrite: bool = False,
+    recording: RecordingOptions | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Run the mapper alone on an archive of descriptors (`descriptors.archive`); see `replay`."""
+    config = config or resolve()
+    material = archive_material(file)
+    folder = out or free_folder(RUNS, f"{material.name}-map")
+    return run(material, config, folder, overwrite=overwrite, recording=recording, progress=progress)
+
+
+def describe_archive(
+    sequence: Sequence,
+    file: Path,
+    *,
+    config: Config | None = None,
+    descriptor: Descriptor | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Archive:
+    """Describe a sequence and write the archive; see `replay` and `descriptors.archive`."""
+    if file.exists() and not overwrite:
+        raise ResultError(f"{file} exists; choose another --out or pass --overwrite")
+    config = config or resolve()
+    describing = descriptor or config.make_descriptor()
+    described = []
+    with DescriptorCache() as cache:
+        for one in image_material(sequence, config, describing, cache).described:
+            described.append(one.description)
+            if progress:
+                progress(len(described), len(sequence))
+    archive = Archive(
+        sequence.frames,
+        np.stack([description.position for description in described]),
+        np.stack([description.orientation for description in described]),
+    )
+    save_archive(file, archive.frames, archive.position, archive.orientation)
+    return archive
+
+
+def run(
+    material: Material,
+    config: Config,
+    folder: Path,
+    *,
+    overwrite: bool = False,
+    recording: RecordingOptions | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Map the material, step by step, into a run folder; see `replay`."""
+    if len(material.frames) < config.mapper.n_init:
+        raise ConfigError(
+            f"{material.source}: the first node needs n_init = {config.mapper.n_init} images but there are only "
+            f"{len(material.frames)}; lower n_init or give a longer sequence"
+        )
+    writer = RunWriter(folder, _manifest(material, config), overwrite=overwrite)
+    sink = RecordingSink(writer.folder, material, config, recording) if recording else None
+    try:
+        return _run(material, config, writer, sink, progress)
+    except KeyboardInterrupt:
+        writer.abandon("interrupted", "interrupted by the user")
+        raise
+    except OmnievalError as error:
+        writer.abandon("failed", str(error))
+        raise
+    finally:
+        if sink:
+            sink.close()
+
+
+@dataclass
+class _Trace:
+    """What accumulates while a replay runs, besides the steps table."""
+
+    digests: list[str] = field(default_factory=list)
+    positions: list[NDArray[np.float32]] = field(default_factory=list)
+    milliseconds: list[float] = field(default_factory=list)
+    smallest_margin: dict[str, float | int | str] | None = None
+
+    def add(self, described: DescribedFrame, step: Step, milliseconds: float) -> None:
+        self.digests.append(described.digest)
+        self.positions.append(described.description.position)
+        self.milliseconds.append(milliseconds)
+        margin = step.margin
+        if margin and (self.smallest_margin is None or margin.value < float(self.smallest_margin["value"])):
+            self.smallest_margin = {"value": margin.value, "frame": step.frame, "gate": margin.gate}
+
+
+def _run(
+    material: Material,
+    config: Config,
+    writer: RunWriter,
+    sink: RecordingSink | None,
+    progress: Progress | None,
+) -> Run:
+    started = time.perf_counter()
+    mapper = Mapper(config.mapper)
+    trace = _Trace()
+    for frame, described in zip(material.frames, material.described, strict=True):
+        before = time.perf_counter()
+        step = mapper.step(described.description)
+        milliseconds = 1e3 * (time.perf_counter() - before)
+        trace.add(described, step, milliseconds)
+        writer.step(step_row(step, frame, milliseconds))
+        if sink:
+            sink.step(step, frame, milliseconds, described.data)
+        if progress:
+            progress(step.frame + 1, len(material.frames))
+    final = mapper.finish()
+    evaluation = evaluate(final.labels, final.placements, material.positions, seed=config.mapper.seed)
+    if sink:
+        sink.finish(final, evaluation)
+    seconds = time.perf_counter() - started
+    steps = with_final_map(writer.steps(), final)
+    tables = {
+        "steps": steps,
+        "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
+        "transitions": transitions_frame(final),
+    }
+    outcome = _outcome(material, config, trace, evaluation, seconds)
+    return writer.complete(tables, outcome | {"recording_failure": sink.failure if sink else None})
+
+
+def _manifest(material: Material, config: Config) -> dict[str, Any]:
+    """Return what ``run.json`` says when the run begins."""
+    return {
+        "source": material.source,
+        **material.about,
+        "frames": len(material.frames),
+        "configuration": config.model_dump(mode="json"),
+        "versions": versions(),
+        "code": code_digest(),
+    }
+
+
+def _outcome(
+    material: Material, config: Config, trace: _Trace, evaluation: Evaluation, seconds: float
+) -> dict[str, Any]:
+    """Return what ``run.json`` says besides when the run is complete."""
+    fingerprint = dataset_fingerprint(material.frames, trace.digests)
+    determining = {"mapper": config.mapper.model_dump(mode="json"), **material.determining}
+    return {
+        "dataset_fingerprint": fingerprint,
+        "identity": identity(determining, fingerprint),
+        "metrics": evaluation.metrics,
+        "null_reasons": evaluation.reasons,
+        "smallest_margin": trace.smallest_margin,
+        "timings": {
+            "seconds": seconds,
+            "frames_per_second": len(material.frames) / seconds,
+            "step_milliseconds_median": statistics.median(trace.milliseconds),
+            "step_milliseconds_max": max(trace.milliseconds),
+        },
+    }

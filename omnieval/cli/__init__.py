@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import typer
 from typer.exceptions import TyperException
 
-from omnieval.cli import dataset, describe, map_descriptors, render, replay, view
+from omnieval.cli import dataset, describe, map_descriptors, parameters, render, replay, view
 from omnieval.errors import OmnievalError
 
 INTERRUPTED = 130
@@ -31,6 +31,7 @@ app.command("map")(map_descriptors.map_descriptors)
 app.command("describe")(describe.describe)
 app.command("render")(render.render)
 app.command("view")(view.view)
+app.command("parameters")(parameters.parameters)
 app.add_typer(dataset.app, name="dataset")
 
 

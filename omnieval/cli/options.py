@@ -17,7 +17,7 @@ Source = Annotated[
     str,
     typer.Argument(
         help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, folder:PATH, or a path recognised by its content.",
-        metavar="[SOURCE]",
+        metavar="SOURCE",
     ),
 ]
 RunArgument = Annotated[Path, typer.Argument(help="A run folder, e.g. runs/synthetic-cloudy-hog.", metavar="RUN")]

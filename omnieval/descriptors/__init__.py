@@ -1,0 +1,1 @@
+"""Holistic descriptors of panoramas, their distance and their cache."""

@@ -1,0 +1,1 @@
+"""From images to panoramas: decoding, mirror geometry, unwrapping."""

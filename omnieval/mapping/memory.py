@@ -32,7 +32,7 @@ class ImageMemory:
         position = self._checked(description)
         if self._count == len(self._positions):
             grown = np.empty((max(64, 2 * self._count), position.size))
-            grown[: self._count] = self._positions[: self._count]
+            grown[: self._count] = self._positions[: self._count].reshape(self._count, position.size)
             self._positions = grown
         self._positions[self._count] = position
         self._orientations.append(description.orientation)

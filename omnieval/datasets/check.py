@@ -1,0 +1,212 @@
+"""`omnieval dataset check`: everything that is wrong with a sequence on disk, all at once.
+
+===================== ======== =====================================================================
+code                  severity meaning
+===================== ======== =====================================================================
+missing-folder        error    the path does not exist
+not-a-folder          error    the path is a file
+unreadable-folder     error    the folder cannot be listed
+not-a-sequence        error    neither COLD nor images in it
+several-sequences     error    holds more than one COLD sequence
+missing-omni-cam      error    no ``omni_cam`` folder
+empty                 error    no image at all
+bad-name              error    an image's name does not parse
+bad-label             error    a line of ``places.lst`` does not parse
+conflicting-label     error    an image has two different labels
+unreadable-labels     error    ``places.lst`` cannot be read
+bad-pose-row          error    the header or a row of ``poses.csv`` is wrong
+unreadable-poses      error    ``poses.csv`` cannot be read
+bad-camera            error    ``camera.toml`` is wrong
+missing-image         error    a label or pose names an image that is not there
+bad-pose              error    a pose is not finite, or no position in metres
+duplicate-time        error    two images were taken at the same time
+backward-time         error    an image was taken before its predecessor
+unreadable-image      error    the file cannot be read
+empty-image           error    the file has no bytes
+truncated-image       error    the file ends early
+not-an-image          error    the file cannot be decoded
+wrong-size            error    the image's size differs from the others'
+yaw-out-of-range      warning  a yaw that is probably not in radians
+image-without-label   warning  an image that ``places.lst`` does not name
+image-without-pose    warning  an image without a pose in ``poses.csv``
+stray-file            warning  something else among the images
+size-differs          warning  the images' size differs from the data card
+count-differs         warning  the number of images differs from the data card
+length-differs        warning  the path's length differs from the data card
+no-labels             info     there is no ``places.lst``
+no-poses              info     there is no ``poses.csv``
+===================== ======== =====================================================================
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from omnieval.datasets.cards import card
+from omnieval.datasets.images import ImageReport, inspect_image
+from omnieval.datasets.registry import scan
+from omnieval.datasets.scan import ROOT, Finding, Scan
+from omnieval.datasets.sequence import Frame
+from omnieval.datasets.wording import shown
+
+LENGTH_TOLERANCE = 0.02
+"""Relative; publications do not say how they measured the length."""
+
+Progress = Callable[[int, int], None]
+"""Called with the number of images read and to read."""
+
+_BATCH = 256
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What is there, and what is wrong with it.
+
+    Attributes
+    ----------
+    source, name, root
+        The sequence; `root` is the folder it lies in.
+    card
+        Name of its data card, if any.
+    frames
+        Number of frames.
+    length_m
+        Length of the driven path in metres, None unless every frame has a finite position.
+    duration_s
+        Seconds from the first frame to the last, None unless every frame has a time.
+    spacing_m
+        Mean distance of successive frames in metres, None without a length or with a single frame.
+    image_size
+        (width, height) in pixels of most images, None if none can be decoded.
+    rooms
+        Number of frames of each room, by name.
+    findings
+        All findings: errors, then warnings, then infos.
+    """
+
+    source: str
+    name: str
+    root: str
+    card: str | None
+    frames: int
+    length_m: float | None
+    duration_s: float | None
+    spacing_m: float | None
+    image_size: tuple[int, int] | None
+    rooms: dict[str, int]
+    findings: tuple[Finding, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is no error."""
+        return all(finding.severity != "error" for finding in self.findings)
+
+
+def check(source: str | Path, *, progress: Progress | None = None) -> CheckReport:
+    """Check the sequence that `source` names: names, labels, poses, times, and every image.
+
+    Raises
+    ------
+    DatasetError
+        If `source` is of no known kind; whatever is wrong with the sequence itself is a finding.
+    """
+    found = scan(source)
+    paths = [frame.path for frame in found.frames] + list(found.unnamed)
+    reports = dict(zip(paths, _inspect_all(paths, progress), strict=True))
+    size, image_findings = _image_findings(found, reports)
+    length = path_length(found.frames)
+    findings = [*found.faults, *found.remarks, *image_findings, *_card_findings(found, length, size)]
+    order = {"error": 0, "warning": 1, "info": 2}
+    return CheckReport(
+        source=found.source,
+        name=found.name,
+        root=str(found.root),
+        card=found.card,
+        frames=len(found.frames),
+        length_m=length,
+        duration_s=duration(found.frames),
+        spacing_m=length / (len(found.frames) - 1) if length is not None and len(found.frames) > 1 else None,
+        image_size=size,
+        rooms=dict(sorted(Counter(frame.room for frame in found.frames if frame.room is not None).items())),
+        findings=tuple(sorted(findings, key=lambda finding: order[finding.severity])),
+    )
+
+
+def path_length(frames: tuple[Frame, ...]) -> float | None:
+    """Return the length of the polyline through the positions, metres; None unless all are known and finite."""
+    positions = [(frame.pose.x, frame.pose.y) for frame in frames if frame.pose is not None]
+    if not frames or len(positions) < len(frames):
+        return None
+    length = sum(math.dist(a, b) for a, b in pairwise(positions))
+    return length if math.isfinite(length) else None
+
+
+def duration(frames: tuple[Frame, ...]) -> float | None:
+    """Return the seconds between the first and the last frame; None unless every frame has a time."""
+    times = [frame.time_ns for frame in frames if frame.time_ns is not None]
+    if not frames or len(times) < len(frames):
+        return None
+    return (max(times) - min(times)) / 1e9
+
+
+def _inspect_all(paths: list[Path], progress: Progress | None) -> Iterator[ImageReport]:
+    """Inspect every image, in order; each thread holds one in memory."""
+    done = 0
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        for start in range(0, len(paths), _BATCH):
+            for report in pool.map(inspect_image, paths[start : start + _BATCH]):
+                done += 1
+                if progress is not None:
+                    progress(done, len(paths))
+                yield report
+
+
+def _image_findings(found: Scan, reports: dict[Path, ImageReport]) -> tuple[tuple[int, int] | None, list[Finding]]:
+    """Return the size most images have, and a finding for each image that is faulty or of another size."""
+    sizes = Counter(report.size for report in reports.values() if report.size is not None)
+    usual = min(sizes, key=lambda size: (-sizes[size], size)) if sizes else None
+    findings: list[Finding] = []
+    for path, report in reports.items():
+        where = shown(path.relative_to(found.root).as_posix())
+        if report.size is None:
+            findings.append(Finding("error", report.code, where, report.message))
+        elif usual is not None and report.size != usual:
+            message = f"is {_pixels(report.size)}, the others are {_pixels(usual)}; all must have one size"
+            findings.append(Finding("error", "wrong-size", where, message))
+    return usual, findings
+
+
+def _card_findings(found: Scan, length: float | None, size: tuple[int, int] | None) -> list[Finding]:
+    if found.card is None:
+        return []
+    known = card(found.card)
+    findings: list[Finding] = []
+    if size is not None and known.image_size is not None and known.image_size != size:
+        message = f"images are {_pixels(size)}, the card {known.name} says {_pixels(known.image_size)}"
+        findings.append(Finding("warning", "size-differs", ROOT, message))
+    expected = known.sequence(found.card_sequence)
+    if expected is None:
+        return findings
+    label = f"the card {known.name} says {expected.path} has"
+    if expected.images is not None and expected.images != len(found.frames):
+        message = f"{len(found.frames)} images, {label} {expected.images}"
+        findings.append(Finding("warning", "count-differs", ROOT, message))
+    if expected.length_m is not None and length is not None and _differs(length, expected.length_m):
+        message = f"the path is {length:.2f} m long, {label} {expected.length_m:.2f} m"
+        findings.append(Finding("warning", "length-differs", ROOT, message))
+    return findings
+
+
+def _differs(length: float, expected: float) -> bool:
+    return abs(length - expected) > LENGTH_TOLERANCE * expected
+
+
+def _pixels(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"

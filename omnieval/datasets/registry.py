@@ -1,0 +1,105 @@
+"""From a source to its sequence: ``synthetic``, ``synthetic:night``, ``cold:PATH``, ``folder:PATH`` or a bare path."""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+from omnieval.datasets.scan import (
+    ROOT,
+    Finding,
+    Scan,
+    canonical_path,
+    has_image_suffix,
+    missing_folder,
+    visible_names,
+)
+from omnieval.datasets.sequence import Sequence
+from omnieval.datasets.wording import did_you_mean, safe_name, shown
+from omnieval.errors import DatasetError
+
+DEFAULT_SOURCE = "synthetic"
+
+_SCANNERS = {
+    "synthetic": "omnieval.datasets.rendered:scan_rendered",
+    "cold": "omnieval.datasets.cold:scan_cold",
+    "folder": "omnieval.datasets.folder:scan_folder",
+}
+"""Reader of each scheme, by its place, so that a reader is imported only when it is used."""
+
+_WITHOUT_PATH = frozenset({"synthetic"})
+
+
+def load(source: str | Path = DEFAULT_SOURCE) -> Sequence:
+    """Load the sequence that `source` names. No image is read.
+
+    Raises
+    ------
+    DatasetError
+        If the source is unknown, or the sequence is missing or faulty.
+    """
+    return scan(source).sequence()
+
+
+def scan(source: str | Path) -> Scan:
+    """Read as much of the sequence as can be understood, and note every fault; see `load`.
+
+    Raises
+    ------
+    DatasetError
+        If the source is unknown, or has no path.
+    """
+    scheme, rest = split_source(source)
+    if scheme is None:
+        return _scan_bare(rest)
+    if not rest and scheme not in _WITHOUT_PATH:
+        raise DatasetError(f"{scheme}: names no folder; write {scheme}:PATH")
+    return _scanner(scheme)(rest)
+
+
+def split_source(source: str | Path) -> tuple[str | None, str]:
+    """Return scheme (None for a bare path) and the rest of a source.
+
+    Raises
+    ------
+    DatasetError
+        If there is a scheme, and it is unknown.
+    """
+    if isinstance(source, Path):
+        return None, str(source)
+    scheme, colon, rest = source.partition(":")
+    if scheme in _SCANNERS and (colon or scheme in _WITHOUT_PATH):
+        return scheme, rest
+    looks_like_scheme = colon and len(scheme) > 1 and scheme.isidentifier()
+    if looks_like_scheme and not canonical_path(source).exists():
+        raise DatasetError(f"unknown source '{shown(source)}'; {did_you_mean(scheme, _SCANNERS)}")
+    return None, source
+
+
+def _scanner(scheme: str) -> Callable[[str], Scan]:
+    return cast("Callable[[str], Scan]", pkgutil.resolve_name(_SCANNERS[scheme]))
+
+
+def _scan_bare(path: str) -> Scan:
+    """Recognise a folder by its content: ``omni_cam`` makes it COLD, images make it a folder of images."""
+    from omnieval.datasets.cold import is_cold
+
+    if not path:
+        raise DatasetError(f"the source is empty; {did_you_mean('', _SCANNERS)}")
+    root = canonical_path(path)
+    if is_cold(root):
+        return _scanner("cold")(path)
+    if any(has_image_suffix(name) for name in visible_names(root)):
+        return _scanner("folder")(path)
+    base = Scan(safe_name(root.name), str(root), root)
+    fault = missing_folder(root)
+    if fault is None:
+        message = "neither an omni_cam folder (COLD) nor images (png, jpg, jpeg, bmp) in it; name a sequence folder"
+        fault = Finding("error", "not-a-sequence", ROOT, message)
+    elif fault.code == "missing-folder" and "/" not in path:
+        message = f"no such folder, and not a source; {did_you_mean(path, _SCANNERS)}"
+        fault = replace(fault, message=message)
+    return replace(base, faults=(fault,))

@@ -1,0 +1,164 @@
+"""What a dataset reader finds in a folder: the frames, and every fault, so that a check can show them all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
+from omnieval.datasets.wording import shown
+from omnieval.errors import DatasetError
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
+ROOT = "."
+"""Where a finding lies that concerns the sequence folder itself."""
+
+FARTHEST_M = 1e6
+"""No building is 1,000 km wide: a coordinate beyond is a slip, and would drown every distance."""
+
+Severity = Literal["error", "warning", "info"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing worth knowing about a sequence on disk.
+
+    Attributes
+    ----------
+    severity
+        `error`: the sequence is not fit for use; `warning`: look at it; `info`: good to know.
+    code
+        Kebab-case name of the kind of finding, e.g. ``wrong-size``.
+    where
+        Relative to the sequence folder, ``/`` as separator, ``:LINE`` behind it in text files.
+    message
+        What is wrong and what to do, one line.
+    """
+
+    severity: Severity
+    code: str
+    where: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Scan:
+    """A sequence as far as names and labels tell, faults included. No image has been read.
+
+    Attributes
+    ----------
+    name, source, root, camera, card
+        As in `Sequence`.
+    frames
+        What could be understood, in the order in which the robot took it.
+    faults
+        Findings that forbid loading: the frames are not what the folder means.
+    remarks
+        Findings that do not.
+    unnamed
+        Image files that are no frames because their names do not parse.
+    card_sequence
+        Path of the sequence on its data card, if it is one of those.
+    """
+
+    name: str
+    source: str
+    root: Path
+    frames: tuple[Frame, ...] = ()
+    camera: Camera = field(default_factory=Camera)
+    faults: tuple[Finding, ...] = ()
+    remarks: tuple[Finding, ...] = ()
+    unnamed: tuple[Path, ...] = ()
+    card: str | None = None
+    card_sequence: str | None = None
+
+    def sequence(self) -> Sequence:
+        """Return the sequence.
+
+        Raises
+        ------
+        DatasetError
+            If there are faults; it names the first and counts the rest.
+        """
+        if self.faults:
+            raise DatasetError(refusal(self.faults, root=str(self.root), source=self.source))
+        return Sequence(
+            name=self.name,
+            source=self.source,
+            root=self.root,
+            frames=self.frames,
+            camera=self.camera,
+            card=self.card,
+        )
+
+
+def refusal(faults: tuple[Finding, ...], *, root: str, source: str) -> str:
+    """Return the one line that refuses to load: the first fault, and how to see the others.
+
+    `root` is put before places within the sequence, unless it is empty.
+    """
+    first, others = faults[0], len(faults) - 1
+    place = "/".join(part for part in (root, first.where) if part not in ("", ROOT))
+    line = f"{shown(place)}: {first.message}"
+    if not others:
+        return line
+    return f"{line} (and {others} more: `omnieval dataset check {shown(source)}` shows all)"
+
+
+def canonical_path(path: str | Path) -> Path:
+    """Return `path` absolute, so that it means the same from any working directory.
+
+    Symbolic links keep the name the user gave them: it names the sequence and finds its data card.
+
+    Raises
+    ------
+    DatasetError
+        If it cannot be made absolute (no home directory, links in a circle).
+    """
+    if "\0" in str(path):
+        raise DatasetError(f"{shown(str(path))}: not a usable path (it holds a null character)")
+    try:
+        expanded = Path(path).expanduser()
+        return expanded.resolve() if ".." in expanded.parts else expanded.absolute()
+    except (OSError, RuntimeError) as error:
+        raise DatasetError(f"{shown(str(path))}: not a usable path ({error})") from error
+
+
+def missing_folder(path: Path) -> Finding | None:
+    """Return what is wrong with `path` as a folder to read, None if it can be listed."""
+    if not path.exists():
+        return Finding("error", "missing-folder", ROOT, "no such folder; check the path")
+    if not path.is_dir():
+        return Finding("error", "not-a-folder", ROOT, "not a folder; name the folder that holds the sequence")
+    try:
+        next(path.iterdir(), None)
+    except OSError as error:
+        return Finding("error", "unreadable-folder", ROOT, f"cannot be listed: {error.strerror or error}")
+    return None
+
+
+def visible_names(folder: Path) -> list[str]:
+    """Return the names in `folder` that are not hidden, sorted; empty if it is no folder one may list."""
+    try:
+        return sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
+    except OSError:
+        return []
+
+
+def has_image_suffix(name: str) -> bool:
+    """Tell whether `name` ends like an image file, in upper or lower case."""
+    return name.casefold().endswith(IMAGE_SUFFIXES)
+
+
+def pose_remark(pose: Pose, where: str, *, largest_yaw: float) -> Finding | None:
+    """Return what is odd about `pose`, None if nothing is. Yaws up to `largest_yaw` radians are expected."""
+    if not (math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.yaw)):
+        return Finding("error", "bad-pose", where, "the pose is not finite; correct or remove it")
+    if max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
+        return Finding("error", "bad-pose", where, f"({pose.x:g}, {pose.y:g}) is no position in metres; correct it")
+    if abs(pose.yaw) > largest_yaw:
+        message = f"yaw {pose.yaw:g} is beyond {largest_yaw:.6g}; expected radians"
+        return Finding("warning", "yaw-out-of-range", where, message)
+    return None

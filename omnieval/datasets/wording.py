@@ -1,0 +1,43 @@
+"""How names from disk and from the command line are put into words, and into file names."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import unicodedata
+from collections.abc import Iterable
+
+_LONGEST_NAME = 100
+
+
+def shown(text: str) -> str:
+    """Return `text` fit for one line of a message: whatever cannot be printed is escaped."""
+    return text if text.isprintable() else repr(text)[1:-1]
+
+
+def did_you_mean(word: str, options: Iterable[str]) -> str:
+    """Return the hint that ends a message about an unknown `word`.
+
+    Examples
+    --------
+    >>> did_you_mean("cloudly", ["cloudy", "night"])
+    'did you mean cloudy?'
+    >>> did_you_mean("x", ["cloudy", "night"])
+    'known are cloudy, night'
+    """
+    known = list(options)
+    nearest = difflib.get_close_matches(word.casefold(), known, n=1)
+    return f"did you mean {nearest[0]}?" if nearest else f"known are {', '.join(known)}"
+
+
+def safe_name(text: str) -> str:
+    """Return `text` as a plain file name: letters of any script, digits, ``_``, ``.`` and ``-``.
+
+    Examples
+    --------
+    >>> safe_name("my house: seq 1")
+    'my-house-seq-1'
+    """
+    normal = unicodedata.normalize("NFC", text)
+    name = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_LONGEST_NAME]
+    return name or "sequence"

@@ -1,0 +1,84 @@
+"""From frames to descriptions: read, decode, unwrap, describe, each image at most once."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+from omnieval.datasets.sequence import Frame
+from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
+from omnieval.descriptors.description import Description, Descriptor
+from omnieval.imaging.camera import CameraModel
+from omnieval.imaging.decode import decode_grey
+
+_WORKERS = 2
+_AHEAD = 16
+"""Frames under way at once; bounds the memory."""
+
+
+@dataclass(frozen=True)
+class DescribedFrame:
+    """A description and the digest of what it was made from."""
+
+    description: Description
+    digest: str
+
+
+class Describer:
+    """Describes the frames of one sequence.
+
+    Parameters
+    ----------
+    camera
+        Turns images into panoramas.
+    descriptor
+        Describes panoramas.
+    cache
+        Where descriptions are looked up and kept.
+    """
+
+    def __init__(self, camera: CameraModel, descriptor: Descriptor, cache: DescriptorCache) -> None:
+        self._camera = camera
+        self._descriptor = descriptor
+        self._cache = cache
+        self._key = description_key(
+            {"camera": camera.settings, "descriptor": {"name": descriptor.name, **descriptor.settings}}
+        )
+
+    def describe_frames(self, frames: Iterable[Frame]) -> Iterator[DescribedFrame]:
+        """Describe frames in order, a few ahead of the caller.
+
+        Raises
+        ------
+        DatasetError
+            When it comes to an image that cannot be read.
+        """
+        with ThreadPoolExecutor(_WORKERS) as pool:
+            under_way: deque[tuple[Frame, Future[DescribedFrame] | DescribedFrame]] = deque()
+            try:
+                for frame in frames:
+                    known = self._cache.lookup(frame.path, self._key)
+                    under_way.append(
+                        (frame, DescribedFrame(known[1], known[0]) if known else pool.submit(self._describe, frame))
+                    )
+                    if len(under_way) > _AHEAD:
+                        yield self._take(*under_way.popleft())
+                while under_way:
+                    yield self._take(*under_way.popleft())
+            finally:
+                pool.shutdown(cancel_futures=True)
+
+    def _describe(self, frame: Frame) -> DescribedFrame:
+        data = frame.read()
+        panorama = self._camera.panorama(decode_grey(data, str(frame.path)))
+        return DescribedFrame(self._descriptor.describe(panorama), image_digest(data))
+
+    def _take(self, frame: Frame, described: Future[DescribedFrame] | DescribedFrame) -> DescribedFrame:
+        """Return a description; a new one is also kept. All access to the cache is from the caller's thread."""
+        if isinstance(described, DescribedFrame):
+            return described
+        result = described.result()
+        self._cache.store(frame.path, self._key, result.digest, result.description)
+        return result

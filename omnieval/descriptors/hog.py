@@ -1,0 +1,160 @@
+"""Holistic HOG descriptors of a panorama (sections 3.1 and 6.1 of Román et al., doi 10.3390/app10186480).
+
+Gradient magnitudes vote for the bin of their angle. The position descriptor has one histogram per band of rows, of full
+width; the orientation descriptor one per window of columns, of full height, windows overlapping and wrapping around.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from omnieval.descriptors.description import Description
+from omnieval.errors import ConfigError
+
+_VOTE_UNIT = 2.0**-20
+"""Votes are multiples of this, so that their sums are exact in double precision whatever the order of the pixels: a
+rolled panorama gives the same position descriptor to the bit."""
+
+
+class HogConfig(BaseModel):
+    """Parameters of `Hog`; the defaults are the paper's where it states them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    bins: int = Field(16, ge=2, le=256, description="bins of a histogram")
+    position_cells: int = Field(16, ge=1, le=1024, description="bands of rows of the position descriptor")
+    orientation_cells: int = Field(256, ge=4, le=4096, description="windows of columns of the orientation descriptor")
+    orientation_width: int = Field(16, ge=1, le=1024, description="width of such a window in pixels")
+    orientation_range: Literal["signed", "unsigned"] = Field(
+        "signed", description="angles over 360 degrees, or over 180 without the sign of the contrast"
+    )
+    kernel: Literal["central", "sobel"] = Field("central", description="gradient by [-1 0 1], or Sobel 3 x 3")
+    binning: Literal["hard", "linear"] = Field(
+        "hard", description="a vote goes to its bin, or is shared with the nearest one"
+    )
+    normalisation: Literal["cell-l2", "none", "cell-l1", "global-l2"] = Field(
+        "cell-l2", description="h / (||h||_2 + 0.01) per histogram, none, h / (||h||_1 + 0.01), or of the whole vector"
+    )
+
+
+@dataclass(frozen=True)
+class _Votes:
+    """For every gradient (D_x, D_y), as a flat table: the bin it votes for and with how much, once or twice."""
+
+    bins: tuple[NDArray[np.intp], ...]
+    weights: tuple[NDArray[np.float64], ...]
+
+
+class Hog:
+    """Describes a panorama by histograms of oriented gradients; implements `Descriptor`."""
+
+    name = "hog"
+
+    def __init__(self, config: HogConfig | None = None) -> None:
+        self.config = config or HogConfig()
+        self._reach = 255 if self.config.kernel == "central" else 1020
+        self._votes = _tabulate(self.config, self._reach)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """See `Descriptor.settings`."""
+        return self.config.model_dump(mode="json")
+
+    def describe(self, panorama: NDArray[np.uint8]) -> Description:
+        """Describe a panorama, shape (rows, columns).
+
+        Raises
+        ------
+        ConfigError
+            If its size is not divisible into cells.
+        """
+        config = self.config
+        rows, columns = panorama.shape
+        if rows % config.position_cells or columns % config.orientation_cells:
+            raise ConfigError(
+                f"a panorama of {rows} x {columns} pixels is not divisible into {config.position_cells} bands of rows "
+                f"and {config.orientation_cells} columns; set imaging.rows and imaging.columns to multiples"
+            )
+        by_row, by_column = self._histograms(panorama)
+        position = by_row.reshape(config.position_cells, -1, config.bins).sum(axis=1)
+        orientation = _windows(by_column, columns // config.orientation_cells, config.orientation_width)
+        return Description(
+            _normalise(position, config.normalisation).ravel().astype(np.float32),
+            _normalise(orientation, config.normalisation).astype(np.float32),
+        )
+
+    def _histograms(self, panorama: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the histogram of every row and of every column, shapes (rows, bins) and (columns, bins)."""
+        rows, columns = panorama.shape
+        bins = self.config.bins
+        dx, dy = _gradients(panorama, self.config.kernel)
+        gradient = ((dx + self._reach) * (2 * self._reach + 1) + (dy + self._reach)).ravel()
+        row_offset = np.repeat(np.arange(rows) * bins, columns)
+        column_offset = np.tile(np.arange(columns) * bins, rows)
+        by_row = np.zeros(rows * bins)
+        by_column = np.zeros(columns * bins)
+        for bin_of, weight_of in zip(self._votes.bins, self._votes.weights, strict=True):
+            voted, weights = bin_of[gradient], weight_of[gradient]
+            by_row += np.bincount(row_offset + voted, weights, rows * bins)
+            by_column += np.bincount(column_offset + voted, weights, columns * bins)
+        return by_row.reshape(rows, bins), by_column.reshape(columns, bins)
+
+
+def _gradients(
+    panorama: NDArray[np.uint8], kernel: Literal["central", "sobel"]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return D_x (circular in columns) and D_y (border rows replicated), both exact integers."""
+    image = panorama.astype(np.int32)
+    padded = np.pad(np.pad(image, ((1, 1), (0, 0)), "edge"), ((0, 0), (1, 1)), "wrap")
+    across = padded[:, 2:] - padded[:, :-2]
+    down = padded[2:] - padded[:-2]
+    if kernel == "central":
+        return across[1:-1], down[:, 1:-1]
+    return across[:-2] + 2 * across[1:-1] + across[2:], down[:, :-2] + 2 * down[:, 1:-1] + down[:, 2:]
+
+
+def _tabulate(config: HogConfig, reach: int) -> _Votes:
+    """Decide every possible gradient once, in double precision: many angles lie exactly on the border of two bins."""
+    values = np.arange(-reach, reach + 1, dtype=np.float64)
+    dx, dy = np.meshgrid(values, values, indexing="ij")
+    magnitude = np.hypot(dx, dy).ravel()
+    full = 2.0 * np.pi if config.orientation_range == "signed" else np.pi
+    place = np.mod(np.arctan2(dy, dx).ravel(), full) / full * config.bins
+    if config.binning == "hard":
+        return _Votes((np.floor(place).astype(np.intp) % config.bins,), (_quantised(magnitude),))
+    lower = np.floor(place - 0.5)
+    share = place - 0.5 - lower
+    bins = tuple((lower + offset).astype(np.intp) % config.bins for offset in (0, 1))
+    upper = _quantised(magnitude * share)
+    return _Votes(bins, (_quantised(magnitude) - upper, upper))
+
+
+def _quantised(votes: NDArray[np.float64]) -> NDArray[np.float64]:
+    quantised: NDArray[np.float64] = np.rint(votes / _VOTE_UNIT) * _VOTE_UNIT
+    return quantised
+
+
+def _windows(by_column: NDArray[np.float64], stride: int, width: int) -> NDArray[np.float64]:
+    """Sum histograms over circular windows that begin at every `stride`-th column."""
+    columns = len(by_column)
+    wrapped = np.take(by_column, np.arange(columns + width), axis=0, mode="wrap")
+    sums = np.concatenate([np.zeros((1, by_column.shape[1])), np.cumsum(wrapped, axis=0)])
+    starts = np.arange(0, columns, stride)
+    windows: NDArray[np.float64] = sums[starts + width] - sums[starts]
+    return windows
+
+
+def _normalise(histograms: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
+    if kind == "none":
+        return histograms
+    if kind == "global-l2":
+        norm: Any = np.linalg.norm(histograms)
+    else:
+        norm = np.linalg.norm(histograms, ord=2 if kind == "cell-l2" else 1, axis=1, keepdims=True)
+    normalised: NDArray[np.float64] = histograms / (norm + 0.01)
+    return normalised

@@ -1,0 +1,21 @@
+"""The parameters of unwrapping."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class ImagingConfig(BaseModel):
+    """How images become panoramas. Geometry that is not given comes from the dataset, or is estimated."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    rows: int = Field(128, ge=16, le=4096, description="height of the panorama in pixels")
+    columns: int = Field(512, ge=16, le=16384, description="width of the panorama in pixels")
+    kind: Literal["auto", "omnidirectional", "panoramic"] = Field("auto", description="what the images are")
+    cx: float | None = Field(None, description="column of the mirror's centre in pixels")
+    cy: float | None = Field(None, description="row of the mirror's centre in pixels")
+    r_in: float | None = Field(None, ge=0, description="radius of the camera's own reflection in pixels")
+    r_out: float | None = Field(None, gt=0, description="radius of the mirror's rim in pixels")

@@ -1,0 +1,99 @@
+"""What can be replayed: a sequence of images, or descriptors computed elsewhere."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.config import Config
+from omnieval.datasets.sequence import Frame, Sequence
+from omnieval.descriptors.archive import load_archive
+from omnieval.descriptors.cache import DescriptorCache
+from omnieval.descriptors.describe import DescribedFrame, Describer
+from omnieval.descriptors.description import Description, Descriptor
+from omnieval.imaging.camera import resolve_camera
+from omnieval.imaging.pictures import Pictures
+
+
+@dataclass(frozen=True)
+class Material:
+    """What is replayed, whether it comes from images or from descriptors computed elsewhere.
+
+    Attributes
+    ----------
+    name, source
+        Of the sequence.
+    frames
+        Its frames.
+    positions
+        True capture positions, shape (n, 2), metres; None when not all are known.
+    described
+        The frames' descriptions, in order, computed as they are asked for.
+    determining
+        All settings besides the mapper's that determine the result; part of the run's identity.
+    about
+        What else ``run.json`` says of it.
+    pictures
+        Where the recording takes its pictures from; None if there are none.
+    """
+
+    name: str
+    source: str
+    frames: tuple[Frame, ...]
+    positions: NDArray[np.float64] | None
+    described: Iterable[DescribedFrame]
+    determining: dict[str, Any]
+    about: dict[str, Any]
+    pictures: Pictures | None = None
+
+
+def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, cache: DescriptorCache) -> Material:
+    """Return a sequence of images as material: its camera resolved, its descriptions ready to be computed."""
+    camera = resolve_camera(sequence, config.imaging)
+    describer = Describer(camera, descriptor, cache)
+    return Material(
+        name=sequence.name,
+        source=sequence.source,
+        frames=sequence.frames,
+        positions=sequence.positions,
+        described=describer.describe_frames(sequence.frames),
+        determining={"descriptor": {"name": descriptor.name, **descriptor.settings}, "camera": camera.settings},
+        about={
+            "sequence": sequence.name,
+            "card": sequence.card,
+            "cut": dict(zip(("start", "stride", "limit"), sequence.cut_from, strict=True)),
+            "camera": {"origin": camera.origin, **camera.settings},
+        },
+        pictures=Pictures(sequence.frames, camera),
+    )
+
+
+def archive_material(file: Path) -> Material:
+    """Return an archive of descriptors as material."""
+    archive = load_archive(file)
+    poses = [frame.pose for frame in archive.frames]
+    positions = None if None in poses else np.array([[pose.x, pose.y] for pose in poses if pose])
+    return Material(
+        name=file.stem,
+        source=f"npz:{file.resolve()}",
+        frames=archive.frames,
+        positions=positions,
+        described=(
+            DescribedFrame(description, _digest(description), None)
+            for description in map(archive.description, range(len(archive.frames)))
+        ),
+        determining={"descriptor": {"name": "archive"}},
+        about={"sequence": file.stem, "cut": {"start": 0, "stride": 1, "limit": None}},
+    )
+
+
+def _digest(description: Description) -> str:
+    content = hashlib.blake2b(description.position.tobytes(), digest_size=16)
+    content.update(description.orientation.tobytes())
+    return content.hexdigest()

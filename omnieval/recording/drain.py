@@ -1,0 +1,91 @@
+"""The file end of a recording, kept where Rerun cannot hang on it.
+
+Rerun's own file writer stops at the first write error (a full disk, say), and then a flush, and even the end of
+the process, may wait for it for ever. So Rerun writes into a pipe that is always read, and a failing file is an
+error remembered here.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+from omnieval.errors import ResultError
+
+_BLOCK = 1 << 16
+
+
+class PipedFile:
+    """A file that is written by whoever writes to `address`.
+
+    The bytes go to ``NAME.partial.rrd`` beside `path`, which `close` gives its name once all of them are on the
+    disk: `path` appears whole or not at all, and a killed process leaves what was flushed, readable, in the
+    partial file.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be created.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+        self.error: OSError | None = None
+        if path.is_dir():
+            raise ResultError(f"cannot record to {path}: it is a folder; name a file")
+        try:
+            self._file = os.open(self.partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+        except OSError as error:
+            raise ResultError(
+                f"cannot record to {path}: {error.strerror or error}; choose a folder that exists and is writable"
+            ) from error
+        self._read_end, self._write_end = os.pipe()
+        self._thread = threading.Thread(target=self._drain, name="recording", daemon=True)
+        self._thread.start()
+
+    @property
+    def address(self) -> str:
+        """What to open for writing, as often as needed until `opened`."""
+        return f"/dev/fd/{self._write_end}"
+
+    def opened(self) -> None:
+        """Note that the writer has opened `address`: when it closes that, the file is complete."""
+        os.close(self._write_end)
+        self._write_end = -1
+
+    def close(self, *, keep: bool) -> None:
+        """Wait for the last bytes, and give the file its name if it is to be kept and nothing failed."""
+        if self._write_end >= 0:
+            self.opened()
+        self._thread.join()
+        if keep and self.error is None:
+            try:
+                self.partial.replace(self.path)
+            except OSError as error:
+                self.error = error
+
+    def _drain(self) -> None:
+        try:
+            while block := os.read(self._read_end, _BLOCK):
+                self._write(block)
+            self._sync()
+        finally:
+            os.close(self._read_end)
+            os.close(self._file)
+
+    def _write(self, block: bytes) -> None:
+        """Write a block; after an error the pipe is still read, so that nobody waits for it."""
+        rest = memoryview(block)
+        while rest and self.error is None:
+            try:
+                rest = rest[os.write(self._file, rest) :]
+            except OSError as error:
+                self.error = error
+
+    def _sync(self) -> None:
+        try:
+            os.fsync(self._file)
+        except OSError as error:
+            self.error = self.error or error

@@ -1,0 +1,131 @@
+"""What a step looked at and decided, as rows: curves, gate, plots over time, words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.mapping.step import EventKind, Match, NodeGate, Step, Verdict
+from omnieval.recording import layout
+from omnieval.recording.records import StepView
+from omnieval.recording.rows import NO_BARS, Bars, Row, Scalar, Words
+from omnieval.recording.words import decision_text, event_text
+
+CURVE_BARS = 512
+"""Most bars of a curve, about the pixels it is shown on; this bounds what a step costs in a growing map."""
+GATE_CEILING = 3.0
+"""Gate ratios are drawn up to so many times x; far nodes would otherwise flatten the others."""
+
+_BEST_SHARE = 0.006
+"""Least width of the best candidate's bar, as a share of the chart."""
+
+_LEVELS = {
+    Verdict.INITIAL: ("INFO", layout.FAINT_COLOR | 0xFF),
+    Verdict.ASSIGNED: ("INFO", layout.ACCEPTED_COLOR),
+    Verdict.PENDING: ("INFO", layout.PENDING_COLOR),
+}
+_REFUSED_LEVEL = ("WARN", layout.REFUSED_COLOR)
+
+
+def verdict_color(verdict: Verdict) -> int:
+    """Return the colour of a verdict, 0xRRGGBBAA: accepted, taken by a pending node, refused."""
+    return _LEVELS.get(verdict, _REFUSED_LEVEL)[1]
+
+
+def word_rows(step: Step, gamma: float) -> list[tuple[str, Row]]:
+    """Return the decision and the events of a step in words."""
+    level, color = _LEVELS.get(step.verdict, _REFUSED_LEVEL)
+    rows: list[tuple[str, Row]] = [(layout.LOG_DECISION, Words(decision_text(step, gamma), level, color))]
+    for event in step.events:
+        color = layout.node_color(event.into if event.kind is EventKind.MERGED and event.into else event.node)
+        rows.append((layout.LOG_EVENT, Words(event_text(event), event.kind.value.upper(), color)))
+    return rows
+
+
+def plot_rows(view: StepView, gamma: float) -> list[tuple[str, Row]]:
+    """Return every plot's points at this step; NaN where a condition was not reached."""
+    step, match, centroid = view.step, view.step.match, view.step.centroid
+    ratios = step.gate.ratios if step.gate is not None else np.zeros(0)
+    values = {
+        f"{layout.PLOT_GATE}/nearest": float(ratios.min()) if ratios.size else math.nan,
+        f"{layout.PLOT_GATE}/x": step.gate.x if step.gate is not None else math.nan,
+        f"{layout.PLOT_PROMINENCE}/ratio": match.prominence_ratio if match is not None else math.nan,
+        f"{layout.PLOT_PROMINENCE}/gamma": gamma,
+        f"{layout.PLOT_CENTROID}/shift": centroid.shift if centroid is not None else math.nan,
+        f"{layout.PLOT_CENTROID}/bound": centroid.bound if centroid is not None else math.nan,
+        f"{layout.PLOT_MARGIN}/value": step.margin.value if step.margin is not None else math.nan,
+        f"{layout.PLOT_NODES}/active": float(step.active),
+        f"{layout.PLOT_NODES}/pending": float(step.pending),
+        f"{layout.PLOT_QUALITY}/silhouette": math.nan if view.silhouette is None else view.silhouette,
+        f"{layout.PLOT_QUALITY}/unassigned": view.unassigned,
+        f"{layout.PLOT_COST}/milliseconds": view.milliseconds,
+    }
+    return [(entity, Scalar(value if math.isfinite(value) else math.nan)) for entity, value in values.items()]
+
+
+def gate_rows(gate: NodeGate | None) -> list[tuple[str, Row]]:
+    """Return the gate ratio of every active node as a bar at its number, over the band that x lets pass."""
+    candidates = refused = threshold = NO_BARS
+    if gate is not None and gate.nodes.size:
+        heights = np.clip(gate.ratios, -GATE_CEILING * gate.x, GATE_CEILING * gate.x)
+        passed = gate.ratios <= gate.x
+        candidates, refused = (
+            Bars(heights[chosen], gate.nodes[chosen] - 0.4, np.full(chosen.sum(), 0.8))
+            for chosen in (passed, ~passed)
+        )
+        threshold = _bar(gate.x, 0.5, float(gate.nodes.max()))
+    return [
+        (f"{layout.GATE}/{layout.CANDIDATES}", candidates),
+        (f"{layout.GATE}/{layout.REFUSED}", refused),
+        (f"{layout.GATE}/{layout.THRESHOLD}", threshold),
+    ]
+
+
+def curve_rows(match: Match | None, gamma: float) -> list[tuple[str, Row]]:
+    """Return the three similarity curves over the images of the map, each relative to its maximum.
+
+    The threshold is drawn where the peak has to reach: its base plus gamma times the mean prominence. It is left
+    out where the condition compares nothing, on a curve of fewer than two peaks.
+    """
+    rows: list[tuple[str, Row]] = []
+    for entity, name in (
+        (layout.SIMILARITY, "similarity"),
+        (layout.POSITION, "position"),
+        (layout.ORIENTATION, "orientation"),
+    ):
+        curve = best = NO_BARS
+        if match is not None:
+            values: NDArray[np.float64] = getattr(match, name)
+            relative = values / values.max()
+            curve = pooled_bars(match.slots, relative, match.map_size)
+            width = max(1.0, _BEST_SHARE * match.map_size)
+            best = _bar(float(relative[match.best]), match.slots[match.best] + 0.5 - width / 2, width)
+        rows += [(f"{entity}/{layout.CURVE}", curve), (f"{entity}/{layout.BEST}", best)]
+    threshold = NO_BARS
+    if match is not None and match.peaks >= 2:
+        threshold = _bar(prominence_level(match, gamma), 0.0, float(match.map_size))
+    return [*rows, (f"{layout.SIMILARITY}/{layout.THRESHOLD}", threshold)]
+
+
+def prominence_level(match: Match, gamma: float) -> float:
+    """Return what the best match's similarity has to reach, relative to it: at most 1 iff it is prominent enough."""
+    required = gamma * match.prominence_mean - match.prominence
+    return 1.0 + required / float(match.similarity[match.best])
+
+
+def pooled_bars(slots: NDArray[np.int64], values: NDArray[np.float64], size: int) -> Bars:
+    """Draw a curve of `size` images, 0 outside `slots`, with at most `CURVE_BARS` bars.
+
+    Neighbours that share a bar are represented by their maximum, so that no peak is lost.
+    """
+    curve = np.zeros(size)
+    curve[slots] = values
+    together = -(-size // CURVE_BARS)
+    left = np.arange(0, size, together)
+    return Bars(np.maximum.reduceat(curve, left), left.astype(float), np.full(len(left), float(together)))
+
+
+def _bar(height: float, left: float, width: float) -> Bars:
+    return Bars(np.array([height]), np.array([left]), np.array([width]))

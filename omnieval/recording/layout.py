@@ -1,0 +1,107 @@
+"""What a recording is made of: names that never change, whatever the dataset and the parameters.
+
+Rerun matches blueprints and recordings by application id and entity path, so a constant layout is what lets
+two replays be opened side by side. What varies stands in the recording's name and properties.
+"""
+
+from __future__ import annotations
+
+import colorsys
+
+APPLICATION_ID = "omnieval"
+
+STEP = "step"
+CAPTURE = "capture"
+
+PANORAMA = "/image/panorama"
+OMNIDIRECTIONAL = "/image/omnidirectional"
+BEST_MATCH = "/image/best_match"
+
+SIMILARITY = "/curve/similarity"
+POSITION = "/curve/position"
+ORIENTATION = "/curve/orientation"
+GATE = "/gate"
+CURVE = "curve"
+BEST = "best"
+THRESHOLD = "threshold"
+CANDIDATES = "candidates"
+REFUSED = "refused"
+
+PLOT_GATE = "/plot/gate"
+PLOT_PROMINENCE = "/plot/prominence"
+PLOT_CENTROID = "/plot/centroid"
+PLOT_MARGIN = "/plot/margin"
+PLOT_NODES = "/plot/nodes"
+PLOT_QUALITY = "/plot/quality"
+PLOT_COST = "/plot/cost"
+
+MAP = "/map"
+MAP_IMAGES = "/map/images"
+MAP_RECENT = "/map/recent"
+MAP_TRANSITIONS = "/map/transitions"
+MAP_NODES = "/map/nodes"
+MAP_TRAIL = "/map/trail"
+MAP_MATCH = "/map/match"
+MAP_ROBOT = "/map/robot"
+MAP_HEADING = "/map/heading"
+
+GRAPH = "/graph"
+
+LANES = "/lanes"
+LANE_NODE = "/lanes/node"
+LANE_FINAL = "/lanes/node_final"
+LANE_ROOM = "/lanes/room"
+
+LOG = "/log"
+LOG_DECISION = "/log/decision"
+LOG_EVENT = "/log/event"
+
+PAGE = "/page"
+
+TRAIL_STEPS = 60
+"""How far back the robot's trail reaches on the map."""
+
+SERIES: dict[str, tuple[str, int]] = {
+    f"{PLOT_GATE}/nearest": ("nearest node's gate ratio", 0x4CA3FFFF),
+    f"{PLOT_GATE}/x": ("x", 0xFF9F40FF),
+    f"{PLOT_PROMINENCE}/ratio": ("prominence / mean", 0x4CA3FFFF),
+    f"{PLOT_PROMINENCE}/gamma": ("gamma", 0xFF9F40FF),
+    f"{PLOT_CENTROID}/shift": ("shift of the centroid", 0x4CA3FFFF),
+    f"{PLOT_CENTROID}/bound": ("bound", 0xFF9F40FF),
+    f"{PLOT_MARGIN}/value": ("margin", 0xC792EAFF),
+    f"{PLOT_NODES}/active": ("active nodes", 0x5CCB7AFF),
+    f"{PLOT_NODES}/pending": ("pending nodes", 0xFF9F40FF),
+    f"{PLOT_QUALITY}/silhouette": ("silhouette so far", 0x5CCB7AFF),
+    f"{PLOT_QUALITY}/unassigned": ("share unassigned", 0xFF9F40FF),
+    f"{PLOT_COST}/milliseconds": ("ms a step", 0x9AA4AEFF),
+}
+"""Every line of every plot over time: its label and its colour (0xRRGGBBAA)."""
+
+WHITE = 0xFFFFFFFF
+UNASSIGNED_COLOR = 0x6E7681FF
+ACCEPTED_COLOR = 0x5CCB7AFF
+REFUSED_COLOR = 0xFF9F40FF
+PENDING_COLOR = 0xE5D352FF
+EVENT_COLOR = 0x4CA3FFFF
+FAINT_COLOR = 0xB9C2CC60
+
+_GOLDEN_RATIO = 0.6180339887498949
+
+
+def node_color(node: int) -> int:
+    """Return the colour of a node, 0xRRGGBBAA; it depends on the number alone, so that colours are stable.
+
+    Hues advance by the golden ratio, which keeps nodes of neighbouring numbers far apart on the colour wheel.
+    Node 0 stands for unassigned images, which are grey.
+    """
+    if node == 0:
+        return UNASSIGNED_COLOR
+    hue = (0.58 + _GOLDEN_RATIO * (node - 1)) % 1.0
+    lightness, saturation = ((0.60, 0.75), (0.48, 0.65), (0.72, 0.60))[node % 3]
+    red, green, blue = (round(255 * channel) for channel in colorsys.hls_to_rgb(hue, lightness, saturation))
+    return red << 24 | green << 16 | blue << 8 | 0xFF
+
+
+def most_nodes(steps: int) -> int:
+    """Return a number of nodes that a replay of `steps` images cannot exceed (a node takes ten images or more)."""
+    return min(1 + steps // 10, 0xFFFF)

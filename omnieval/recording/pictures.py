@@ -1,0 +1,62 @@
+"""Pictures as they are recorded: turned, scaled and compressed."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+PANORAMA_COLUMNS = 512
+"""Widest panorama that is recorded, px: the width the descriptors see."""
+OMNIDIRECTIONAL_SIZE = 256
+"""Longer side of a recorded omnidirectional image, px."""
+PANORAMA_QUALITY = 85
+OMNIDIRECTIONAL_QUALITY = 80
+"""JPEG qualities, 0..100; three pictures a step have to stay within 60 kB."""
+
+
+def turn(panorama: NDArray[np.uint8], shift: int, cells: int) -> NDArray[np.uint8]:
+    """Turn a panorama by the shift that was found between orientation descriptors.
+
+    Parameters
+    ----------
+    panorama
+        Shape (h, w) or (h, w, channels); its columns span the full circle.
+    shift
+        Cells by which its orientation descriptor is rolled to align with another image's.
+    cells
+        Number of cells of the orientation descriptor.
+
+    Returns
+    -------
+    NDArray
+        The panorama as it would look from the other image's heading, same shape.
+    """
+    columns = round(shift * panorama.shape[1] / cells)
+    return np.roll(panorama, columns, axis=1)
+
+
+def encode_panorama(panorama: NDArray[np.uint8]) -> bytes:
+    """Compress a panorama, no wider than `PANORAMA_COLUMNS`, to JPEG."""
+    scale = min(1.0, PANORAMA_COLUMNS / panorama.shape[1])
+    return _jpeg(_scaled(panorama, scale), PANORAMA_QUALITY)
+
+
+def encode_omnidirectional(image: NDArray[np.uint8]) -> bytes:
+    """Compress an omnidirectional image, no larger than `OMNIDIRECTIONAL_SIZE`, to JPEG."""
+    scale = min(1.0, OMNIDIRECTIONAL_SIZE / max(image.shape[:2]))
+    return _jpeg(_scaled(image, scale), OMNIDIRECTIONAL_QUALITY)
+
+
+def _scaled(image: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
+    if scale == 1.0:
+        return image
+    rows, columns = (max(1, round(scale * side)) for side in image.shape[:2])
+    return np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+    done, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:
+        raise ValueError(f"cannot compress an image of shape {image.shape} to JPEG")
+    return encoded.tobytes()

@@ -1,0 +1,160 @@
+"""The stream into Rerun: rows gathered into columns, and a sink that may fail without anybody waiting for it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from omnieval.errors import ResultError
+from omnieval.recording import layout
+from omnieval.recording.drain import PipedFile
+from omnieval.recording.rows import Row
+
+FLUSH_STEPS = 50
+"""Steps gathered before they are sent; a killed process loses at most these."""
+LIVE_FLUSH_STEPS = 5
+"""The same while somebody watches."""
+
+_FLUSH_SECONDS = 10.0
+
+
+class Stream:
+    """Takes rows step by step and sends them as columns to a file, a viewer, or both.
+
+    Errors of the sink never leave this class once it is open: the first one is remembered in `failure`. A lost
+    viewer leaves the file going on; without a file, or when the file itself fails, the stream ends there.
+
+    Parameters
+    ----------
+    path
+        Where the file goes; None for a viewer alone.
+    recording_id
+        Unique to the run.
+    blueprint
+        How the recording is shown.
+    viewer
+        URL of a viewer that shows it live.
+
+    Raises
+    ------
+    ResultError
+        If neither file nor viewer is given, or either cannot be opened.
+    """
+
+    def __init__(
+        self, path: Path | None, *, recording_id: str, blueprint: rrb.Blueprint, viewer: str | None = None
+    ) -> None:
+        if path is None and viewer is None:
+            raise ResultError("a recording needs somewhere to go: name a file, or show it in a viewer")
+        self.failure: str | None = None
+        self._ended = False
+        self._viewer = viewer
+        self._flush_steps = FLUSH_STEPS if viewer is None else LIVE_FLUSH_STEPS
+        self._times: list[tuple[int, int | None]] = []
+        self._rows: dict[str, list[tuple[int, Row]]] = {}
+        self._file = PipedFile(path) if path is not None else None
+        self._rerun = _new_recording(recording_id)
+        try:
+            with _strict():
+                self._rerun.set_sinks(*self._sinks(), default_blueprint=blueprint)
+        except (RuntimeError, ValueError, TypeError) as error:
+            if self._file is not None:
+                self._file.close(keep=False)
+            raise ResultError(f"cannot open the recording {path or viewer}: {_one_line(error)}") from error
+        if self._file is not None:
+            self._file.opened()
+
+    def name(self, name: str, properties: rr.AnyValues) -> None:
+        """Say what distinguishes this recording from others."""
+        with self._guarded():
+            self._rerun.send_recording_name(name)
+            self._rerun.send_property("run", properties)
+
+    def static(self, entity: str, value: rr.AsComponents) -> None:
+        """Log what holds at all times; what was said before is replaced."""
+        with self._guarded():
+            self._rerun.log(entity, value, static=True)
+
+    def begin(self, step: int, time_ns: int | None) -> None:
+        """Let a step begin; rows belong to it from now on."""
+        timed_so_far = bool(self._times) and self._times[-1][1] is not None
+        if len(self._times) >= self._flush_steps or (self._times and timed_so_far != (time_ns is not None)):
+            self.flush()
+        self._times.append((step, time_ns))
+
+    def add(self, rows: list[tuple[str, Row]]) -> None:
+        """Add rows of the current step, each with the entity that shows it; an entity's are all of one kind."""
+        at = len(self._times) - 1
+        for entity, row in rows:
+            self._rows.setdefault(entity, []).append((at, row))
+
+    def flush(self) -> None:
+        """Send what was gathered."""
+        times, gathered = self._times, self._rows
+        self._times, self._rows = [], {}
+        with self._guarded():
+            for entity, rows in gathered.items():
+                at = [times[index] for index, _ in rows]
+                kind = type(rows[0][1])
+                self._rerun.send_columns(entity, _time_columns(at), kind.columns([row for _, row in rows]))
+        self._push()
+
+    def close(self) -> None:
+        """Send the rest and complete the file. Calling it again does nothing."""
+        if not self._ended:
+            self.flush()
+        with self._guarded(even_ended=True):
+            self._rerun.disconnect()
+        if self._file is not None:
+            file, self._file = self._file, None
+            file.close(keep=not self._ended)
+            self._note_file_error(file)
+        self._ended = True
+
+    def _push(self) -> None:
+        """Get what was sent out of the process; notice what has failed."""
+        if self._ended or (self._viewer is not None and self.failure is not None):
+            return
+        try:
+            self._rerun.flush(timeout_sec=_FLUSH_SECONDS)
+        except RuntimeError as error:
+            self._fail(error, ended=self._file is None)
+        if self._file is not None:
+            self._note_file_error(self._file)
+
+    def _note_file_error(self, file: PipedFile) -> None:
+        if file.error is not None and not self._ended:
+            reason = file.error.strerror or str(file.error)
+            self.failure = f"recording stopped: cannot write {file.partial}: {reason}"
+            self._ended = True
+
+    def _fail(self, error: Exception, *, ended: bool) -> None:
+        where = "the viewer was lost" if self._viewer is not None and not ended else "recording stopped"
+        self.failure = self.failure or f"{where}: {_one_line(error)}"
+        self._ended = self._ended or ended
+
+    @contextlib.contextmanager
+    def _guarded(self, *, even_ended: bool = False) -> Iterator[None]:
+        """Hold Rerun to its word, and keep to ourselves what it raises."""
+        if self._ended and not even_ended:
+            with contextlib.suppress(_Skipped):
+                yield
+            return
+        try:
+            with _strict():
+                yield
+        except (RuntimeError, ValueError, TypeError) as error:
+            self._fail(error, ended=True)
+
+    def _sinks(self) -> list[rr.FileSink | rr.GrpcSink]:
+        sinks: list[rr.FileSink | rr.GrpcSink] = []
+        if self._file is not None:
+            sinks.append(rr.FileSink(self._file.address))
+        if self._viewer is not None:
+            sinks.append(rr.GrpcSink(self._viewer))
+        return sinks

@@ -1,0 +1,110 @@
+"""The reader of anyone's images."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+
+import numpy as np
+import pytest
+
+from omnieval.datasets import Camera, Mirror
+from omnieval.datasets.folder import natural_key, read_folder
+from omnieval.errors import DatasetError
+from tests.datasets.trees import make_folder
+
+
+def test_natural_order_counts():
+    names = ["file10.png", "file2.png", "File1.PNG", "file02.png", "a.png", "10.png", "9.png"]
+    assert sorted(names, key=natural_key) == [
+        "9.png",
+        "10.png",
+        "a.png",
+        "File1.PNG",
+        "file02.png",
+        "file2.png",
+        "file10.png",
+    ]
+
+
+def test_images_of_every_kind_and_case_are_frames(tmp_path):
+    names = ["1.png", "2.JPG", "3.jpeg", "4.Bmp", "5 ünï.PNG"]
+    sequence = read_folder(make_folder(tmp_path / "my images", [*names]))
+    assert [frame.file for frame in sequence.frames] == names
+    assert (sequence.name, sequence.source) == ("my-images", f"folder:{tmp_path / 'my images'}")
+    assert sequence.camera == Camera("auto")
+    assert sequence.positions is None
+
+
+def test_other_and_hidden_files_and_subfolders_are_no_frames(tmp_path):
+    root = make_folder(tmp_path / "f", ["1.png"])
+    make_folder(root / "sub", ["2.png"])
+    (root / "notes.txt").touch()
+    (root / "._1.png").touch()
+    assert [frame.file for frame in read_folder(root).frames] == ["1.png"]
+
+
+def test_poses_rooms_and_times_come_from_the_table(tmp_path):
+    poses = f"yaw,file,room,y,x,time\n{1.5 * math.pi!r},b2.png,KT,2,1,7.5\n0,b10.png,,4,3,8\n"
+    sequence = read_folder(make_folder(tmp_path / "f", ["b10.png", "b2.png"], poses))
+    assert [frame.file for frame in sequence.frames] == ["b2.png", "b10.png"]
+    assert sequence.positions == pytest.approx(np.array([[1, 2], [3, 4]]))
+    assert sequence.yaws == pytest.approx(np.array([-0.5 * math.pi, 0]))
+    assert sequence.rooms == ("KT", None)
+    assert [frame.time_ns for frame in sequence.frames] == [7_500_000_000, 8_000_000_000]
+
+
+def test_an_image_without_a_row_has_no_pose(tmp_path):
+    sequence = read_folder(make_folder(tmp_path / "f", ["1.png", "2.png"], "file,x,y,yaw\n1.png,0,0,0\n"))
+    assert [frame.pose is None for frame in sequence.frames] == [False, True]
+    assert sequence.positions is None
+
+
+def test_an_excel_byte_order_mark_does_no_harm(tmp_path):
+    root = make_folder(tmp_path / "f", ["1.png"])
+    (root / "poses.csv").write_bytes(b"\xef\xbb\xbffile,x,y,yaw\r\n1.png,1,2,0\r\n")
+    assert read_folder(root).positions == pytest.approx(np.array([[1, 2]]))
+
+
+def test_the_camera_comes_from_its_file(tmp_path):
+    camera = "kind = 'omnidirectional'\n[mirror]\ncx = 8\ncy = 6\nr_in = 1\nr_out = 5\n"
+    sequence = read_folder(make_folder(tmp_path / "f", ["1.png"], camera=camera))
+    assert sequence.camera == Camera("omnidirectional", Mirror(8, 6, 1, 5))
+
+
+@pytest.mark.parametrize(
+    ("poses", "camera", "complaint"),
+    [
+        ("file,x,y,yaww\n", None, "poses.csv:1: unknown column 'yaww'; did you mean yaw?"),
+        ("file,x,y,yaw\n1.png,a,b,c\n", None, "poses.csv:2: "),
+        (None, "kind = 'panoramc'", "camera.toml: unknown kind 'panoramc'; did you mean panoramic?"),
+    ],
+)
+def test_a_wrong_table_or_camera_refuses_to_load(tmp_path, poses, camera, complaint):
+    root = make_folder(tmp_path / "f", ["1.png"], poses, camera)
+    with pytest.raises(DatasetError) as caught:
+        read_folder(root)
+    assert f"{root}/{complaint}" in str(caught.value)
+
+
+def test_a_folder_without_images_refuses_to_load(tmp_path):
+    with pytest.raises(DatasetError, match="no image"):
+        read_folder(make_folder(tmp_path / "f", []))
+
+
+@pytest.mark.parametrize("name", ["poses.csv", "camera.toml"])
+def test_a_table_that_cannot_be_read_refuses_to_load(tmp_path, name):
+    root = make_folder(tmp_path / "f", ["1.png"])
+    (root / name).mkdir()
+    with pytest.raises(DatasetError, match=f"{name}: cannot be read"):
+        read_folder(root)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux takes any bytes as a file name")
+def test_a_name_that_no_table_can_hold_refuses_to_load(tmp_path):
+    root = make_folder(tmp_path / "f", ["1.png"])
+    (root / os.fsdecode(b"\xff.png")).write_bytes(b"")
+    with pytest.raises(DatasetError, match="not valid Unicode") as caught:
+        read_folder(root)
+    assert str(caught.value).isprintable()

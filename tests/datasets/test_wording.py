@@ -1,0 +1,35 @@
+"""Names in words and in file names."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from omnieval.datasets.wording import did_you_mean, safe_name, shown
+
+
+@given(st.text())
+def test_what_is_shown_is_printable(text):
+    assert shown(text).isprintable()
+
+
+@given(st.text())
+def test_a_safe_name_is_a_plain_file_name(text):
+    name = safe_name(text)
+    assert 0 < len(name) <= 100
+    assert "/" not in name
+    assert not name.startswith((".", "-"))
+    assert safe_name(name) == name
+
+
+@pytest.mark.parametrize(
+    ("text", "name"), [("seq2_cloudy3", "seq2_cloudy3"), ("a b/c:d", "a-b-c-d"), ("..", "sequence"), ("Büro", "Büro")]
+)
+def test_a_safe_name_stays_readable(text, name):
+    assert safe_name(text) == name
+
+
+def test_a_hint_names_the_nearest_or_all():
+    assert did_you_mean("Nihgt", ["cloudy", "night"]) == "did you mean night?"
+    assert did_you_mean("zzz", ["cloudy", "night"]) == "known are cloudy, night"

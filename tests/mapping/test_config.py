@@ -1,0 +1,27 @@
+"""The mapper's parameters: validated, frozen, described."""
+
+import pytest
+from pydantic import ValidationError
+
+from omnieval.mapping.config import PRESETS, MapperConfig
+
+
+def test_every_parameter_says_what_it_means():
+    assert all(field.description for field in MapperConfig.model_fields.values())
+
+
+def test_presets_name_valid_values():
+    for settings in PRESETS.values():
+        assert MapperConfig.model_validate(settings).model_dump().items() >= settings.items()
+
+
+@pytest.mark.parametrize("name", sorted(MapperConfig.model_fields))
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1, "nonsense", None, [1]])
+def test_bad_values_are_refused_for_every_parameter(name, value):
+    with pytest.raises(ValidationError):
+        MapperConfig.model_validate({name: value})
+
+
+def test_a_configuration_does_not_change():
+    with pytest.raises(ValidationError):
+        MapperConfig().omega = 1.0
