@@ -27,9 +27,9 @@ from omnieval.mapping.mapper import Mapper
 from omnieval.mapping.step import Step
 from omnieval.material import Material, archive_material, image_material
 from omnieval.metrics.evaluation import Evaluation, evaluate
-from omnieval.recording.options import RecordingOptions
+from omnieval.recording.records import RecordingOptions
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
-from omnieval.results.run_folder import Run, RunWriter, free_folder
+from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder
 from omnieval.results.tables import nodes_frame, step_row, transitions_frame, with_final_map
 from omnieval.sinks import RecordingSink
 
@@ -145,7 +145,7 @@ def run(
             f"{len(material.frames)}; lower n_init or give a longer sequence"
         )
     writer = RunWriter(folder, _manifest(material, config), overwrite=overwrite)
-    sink = RecordingSink(writer.folder, material, config, recording) if recording else None
+    sink = RecordingSink(writer.folder / RECORDING, material, config, recording) if recording else None
     try:
         return _run(material, config, writer, sink, progress)
     except KeyboardInterrupt:
@@ -194,7 +194,7 @@ def _run(
         trace.add(described, step, milliseconds)
         writer.step(step_row(step, frame, milliseconds))
         if sink:
-            sink.step(step, frame, milliseconds, described.data)
+            sink.step(step, frame, milliseconds)
         if progress:
             progress(step.frame + 1, len(material.frames))
     final = mapper.finish()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ from omnieval.descriptors.description import Description, Descriptor
 from omnieval.imaging.camera import resolve_camera
 from omnieval.imaging.pictures import Pictures
 
+ARCHIVE_SCHEME = "npz:"
+"""How the source of an archive begins."""
+
 
 @dataclass(frozen=True)
 class Material:
@@ -29,6 +33,10 @@ class Material:
     ----------
     name, source
         Of the sequence.
+    descriptor
+        Name of the descriptor.
+    cells
+        Cells of its orientation descriptor.
     frames
         Its frames.
     positions
@@ -45,6 +53,8 @@ class Material:
 
     name: str
     source: str
+    descriptor: str
+    cells: int
     frames: tuple[Frame, ...]
     positions: NDArray[np.float64] | None
     described: Iterable[DescribedFrame]
@@ -54,15 +64,24 @@ class Material:
 
 
 def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, cache: DescriptorCache) -> Material:
-    """Return a sequence of images as material: its camera resolved, its descriptions ready to be computed."""
+    """Return a sequence of images as material: its camera resolved, its descriptions ready to be computed.
+
+    Raises
+    ------
+    ConfigError, DatasetError
+        If the camera cannot be resolved or the first image not be described.
+    """
     camera = resolve_camera(sequence, config.imaging)
-    describer = Describer(camera, descriptor, cache)
+    described = Describer(camera, descriptor, cache).describe_frames(sequence.frames)
+    first = next(described)
     return Material(
         name=sequence.name,
         source=sequence.source,
+        descriptor=descriptor.name,
+        cells=len(first.description.orientation),
         frames=sequence.frames,
         positions=sequence.positions,
-        described=describer.describe_frames(sequence.frames),
+        described=chain([first], described),
         determining={"descriptor": {"name": descriptor.name, **descriptor.settings}, "camera": camera.settings},
         about={
             "sequence": sequence.name,
@@ -81,11 +100,13 @@ def archive_material(file: Path) -> Material:
     positions = None if None in poses else np.array([[pose.x, pose.y] for pose in poses if pose])
     return Material(
         name=file.stem,
-        source=f"npz:{file.resolve()}",
+        source=f"{ARCHIVE_SCHEME}{file.resolve()}",
+        descriptor="archive",
+        cells=archive.orientation.shape[1],
         frames=archive.frames,
         positions=positions,
         described=(
-            DescribedFrame(description, _digest(description), None)
+            DescribedFrame(description, _digest(description))
             for description in map(archive.description, range(len(archive.frames)))
         ),
         determining={"descriptor": {"name": "archive"}},

@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from omnieval.config import Config
     from omnieval.datasets.sequence import Sequence as ImageSequence
-    from omnieval.recording.options import RecordingOptions
+    from omnieval.recording.records import RecordingOptions
 
 Source = Annotated[
     str,
@@ -66,8 +66,11 @@ def recording(
     *, no_rrd: bool, no_images: bool = False, every: int = 1, spawn: bool = False, connect: str | None = None
 ) -> RecordingOptions | None:
     """Return how to record; None when nothing is to be recorded or shown."""
-    from omnieval.recording.options import RecordingOptions
+    from omnieval.errors import ConfigError
+    from omnieval.recording.records import RecordingOptions
 
-    if no_rrd and not spawn and connect is None:
+    if no_rrd and (spawn or connect is not None):
+        raise ConfigError("--no-rrd leaves nothing for --spawn or --connect to show; drop one of them")
+    if no_rrd:
         return None
-    return RecordingOptions(images=not no_images, every=every, spawn=spawn, connect=connect, file=not no_rrd)
+    return RecordingOptions(images=not no_images, every=every, spawn=spawn, connect=connect)

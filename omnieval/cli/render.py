@@ -19,7 +19,7 @@ def render(
       omnieval render runs/synthetic-cloudy-hog
     """
     from omnieval.cli.console import progress
-    from omnieval.recording.options import RecordingOptions
+    from omnieval.recording.records import RecordingOptions
     from omnieval.render import render as rebuild
     from omnieval.results.run_folder import open_run
 

@@ -56,7 +56,7 @@ class Partition:
             self._labels[list(event.frames)] = event.node
         elif event.kind is EventKind.MERGED:
             labels = self._labels[: self._count]
-            labels[labels == event.node] = event.into
+            labels[labels == event.node] = event.into or 0
             self._active.discard(event.node)
         else:
             self._active.add(event.node)

@@ -14,6 +14,8 @@ from pathlib import Path
 from omnieval.errors import ResultError
 
 _BLOCK = 1 << 16
+_PIPES = Path("/dev/fd").is_dir()
+"""Whether a pipe can be opened by name; where it cannot (Windows), Rerun writes the partial file itself."""
 
 
 class PipedFile:
@@ -41,25 +43,31 @@ class PipedFile:
             raise ResultError(
                 f"cannot record to {path}: {error.strerror or error}; choose a folder that exists and is writable"
             ) from error
-        self._read_end, self._write_end = os.pipe()
-        self._thread = threading.Thread(target=self._drain, name="recording", daemon=True)
-        self._thread.start()
+        self._thread: threading.Thread | None = None
+        self._read_end = self._write_end = -1
+        if _PIPES:
+            self._read_end, self._write_end = os.pipe()
+            self._thread = threading.Thread(target=self._drain, name="recording", daemon=True)
+            self._thread.start()
+        else:
+            os.close(self._file)
 
     @property
     def address(self) -> str:
-        """What to open for writing, as often as needed until `opened`."""
-        return f"/dev/fd/{self._write_end}"
+        """What to open for writing, once, and then call `opened`."""
+        return f"/dev/fd/{self._write_end}" if self._thread is not None else str(self.partial)
 
     def opened(self) -> None:
         """Note that the writer has opened `address`: when it closes that, the file is complete."""
-        os.close(self._write_end)
-        self._write_end = -1
+        if self._write_end >= 0:
+            os.close(self._write_end)
+            self._write_end = -1
 
     def close(self, *, keep: bool) -> None:
         """Wait for the last bytes, and give the file its name if it is to be kept and nothing failed."""
-        if self._write_end >= 0:
-            self.opened()
-        self._thread.join()
+        self.opened()
+        if self._thread is not None:
+            self._thread.join()
         if keep and self.error is None:
             try:
                 self.partial.replace(self.path)

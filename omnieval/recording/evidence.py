@@ -72,8 +72,7 @@ def gate_rows(gate: NodeGate | None) -> list[tuple[str, Row]]:
         heights = np.clip(gate.ratios, -GATE_CEILING * gate.x, GATE_CEILING * gate.x)
         passed = gate.ratios <= gate.x
         candidates, refused = (
-            Bars(heights[chosen], gate.nodes[chosen] - 0.4, np.full(chosen.sum(), 0.8))
-            for chosen in (passed, ~passed)
+            Bars(heights[chosen], gate.nodes[chosen] - 0.4, np.full(chosen.sum(), 0.8)) for chosen in (passed, ~passed)
         )
         threshold = _bar(gate.x, 0.5, float(gate.nodes.max()))
     return [

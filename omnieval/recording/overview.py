@@ -102,7 +102,7 @@ def node_rows(
     nodes, index = np.unique(labels[placed], return_inverse=True)
     sums = np.stack([np.bincount(index, axis) for axis in positions[placed].T], axis=1)
     means = sums / np.bincount(index)[:, np.newaxis]
-    where = {node: mean for node, mean in zip(nodes.tolist(), means, strict=True)}
+    where = dict(zip(nodes.tolist(), means, strict=True))
     edges = [edge for edge in count_transitions(labels) if edge[0] in where and edge[1] in where]
     segments = NO_SEGMENTS
     if edges:

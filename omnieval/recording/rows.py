@@ -6,7 +6,7 @@ therefore knows how to turn a list of itself into columns. An empty row clears w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, Self
 
@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
+from rerun import ComponentBatchLike
 
 Columns = list[rr.ComponentColumn]
 
@@ -159,9 +160,7 @@ class Segments:
         colors = np.concatenate([row.colors for row in rows]).astype(np.uint32)
         lines = rr.LineStrips2D
         return [
-            rr.ComponentColumn(
-                lines.descriptor_strips(), rr.components.LineStrip2DBatch(strips), lengths=lengths
-            ),
+            rr.ComponentColumn(lines.descriptor_strips(), rr.components.LineStrip2DBatch(strips), lengths=lengths),
             rr.ComponentColumn(lines.descriptor_colors(), rr.components.ColorBatch(colors), lengths=lengths),
         ]
 
@@ -215,10 +214,12 @@ class Graph:
 
 def _screen(points: NDArray[np.floating]) -> NDArray[np.float32]:
     """Return map coordinates as the 2D view wants them: y grows downwards there."""
-    return (points * np.array([1.0, -1.0])).astype(np.float32)
+    return np.asarray(points * np.array([1.0, -1.0]), np.float32)
 
 
-def _cleared(descriptor: rr.ComponentDescriptor, batch: type[rr._baseclasses.BaseBatch], rows: int) -> rr.ComponentColumn:
+def _cleared(
+    descriptor: rr.ComponentDescriptor, batch: Callable[[None], ComponentBatchLike], rows: int
+) -> rr.ComponentColumn:
     return rr.ComponentColumn(descriptor, batch(None), lengths=np.zeros(rows, np.int32))
 
 

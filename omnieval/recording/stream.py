@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +52,7 @@ class Stream:
         if path is None and viewer is None:
             raise ResultError("a recording needs somewhere to go: name a file, or show it in a viewer")
         self.failure: str | None = None
-        self._ended = False
+        self._ended = self._closed = False
         self._viewer = viewer
         self._flush_steps = FLUSH_STEPS if viewer is None else LIVE_FLUSH_STEPS
         self._times: list[tuple[int, int | None]] = []
@@ -69,16 +69,28 @@ class Stream:
         if self._file is not None:
             self._file.opened()
 
-    def name(self, name: str, properties: rr.AnyValues) -> None:
-        """Say what distinguishes this recording from others."""
-        with self._guarded():
-            self._rerun.send_recording_name(name)
-            self._rerun.send_property("run", properties)
+    @property
+    def ended(self) -> bool:
+        """Whether anything more would be recorded."""
+        return self._ended
+
+    def follow(self, blueprint: rrb.Blueprint) -> None:
+        """Show the viewer a blueprint of its own; the file keeps the one it was opened with."""
+        self._do(lambda: blueprint.connect_grpc(layout.APPLICATION_ID, url=self._viewer, make_default=False))
+
+    def name(self, name: str, properties: Mapping[str, str | float | int]) -> None:
+        """Say what distinguishes this recording from others.
+
+        Values become text: Rerun wants one type a name for the whole process, whatever run it belongs to.
+        """
+        self._do(lambda: self._rerun.send_recording_name(name))
+        values = {key: str(value) for key, value in properties.items()}
+        if values:
+            self._do(lambda: self._rerun.send_property("run", rr.AnyValues(drop_untyped_nones=True, **values)))
 
     def static(self, entity: str, value: rr.AsComponents) -> None:
         """Log what holds at all times; what was said before is replaced."""
-        with self._guarded():
-            self._rerun.log(entity, value, static=True)
+        self._do(lambda: self._rerun.log(entity, value, static=True))
 
     def begin(self, step: int, time_ns: int | None) -> None:
         """Let a step begin; rows belong to it from now on."""
@@ -97,23 +109,28 @@ class Stream:
         """Send what was gathered."""
         times, gathered = self._times, self._rows
         self._times, self._rows = [], {}
-        with self._guarded():
+
+        def send() -> None:
             for entity, rows in gathered.items():
-                at = [times[index] for index, _ in rows]
-                kind = type(rows[0][1])
-                self._rerun.send_columns(entity, _time_columns(at), kind.columns([row for _, row in rows]))
+                at = _time_columns([times[index] for index, _ in rows])
+                self._rerun.send_columns(entity, at, type(rows[0][1]).columns([row for _, row in rows]))
+
+        self._do(send)
         self._push()
 
     def close(self) -> None:
         """Send the rest and complete the file. Calling it again does nothing."""
-        if not self._ended:
-            self.flush()
-        with self._guarded(even_ended=True):
+        if self._closed:
+            return
+        self._closed = True
+        self.flush()
+        try:
             self._rerun.disconnect()
+        except RuntimeError as error:
+            self._fail(error, ended=True)
         if self._file is not None:
-            file, self._file = self._file, None
-            file.close(keep=not self._ended)
-            self._note_file_error(file)
+            self._file.close(keep=not self._ended)
+            self._note_file_error(self._file)
         self._ended = True
 
     def _push(self) -> None:
@@ -138,16 +155,13 @@ class Stream:
         self.failure = self.failure or f"{where}: {_one_line(error)}"
         self._ended = self._ended or ended
 
-    @contextlib.contextmanager
-    def _guarded(self, *, even_ended: bool = False) -> Iterator[None]:
+    def _do(self, action: Callable[[], None]) -> None:
         """Hold Rerun to its word, and keep to ourselves what it raises."""
-        if self._ended and not even_ended:
-            with contextlib.suppress(_Skipped):
-                yield
+        if self._ended:
             return
         try:
             with _strict():
-                yield
+                action()
         except (RuntimeError, ValueError, TypeError) as error:
             self._fail(error, ended=True)
 
@@ -158,3 +172,38 @@ class Stream:
         if self._viewer is not None:
             sinks.append(rr.GrpcSink(self._viewer))
         return sinks
+
+
+def _new_recording(recording_id: str) -> rr.RecordingStream:
+    """Return a stream that cuts no chunk by the clock and logs no wall-clock time."""
+    recording = rr.RecordingStream(
+        layout.APPLICATION_ID,
+        recording_id=recording_id,
+        send_properties=False,
+        batcher_config=rr.ChunkBatcherConfig(flush_tick=3600.0),
+    )
+    recording.set_log_time_enabled(False)
+    return recording
+
+
+def _time_columns(times: list[tuple[int, int | None]]) -> list[rr.TimeColumn]:
+    columns = [rr.TimeColumn(layout.STEP, sequence=[step for step, _ in times])]
+    stamps = [stamp for _, stamp in times if stamp is not None]
+    if len(stamps) == len(times):
+        columns.append(rr.TimeColumn(layout.CAPTURE, timestamp=np.array(stamps, "datetime64[ns]")))
+    return columns
+
+
+@contextlib.contextmanager
+def _strict() -> Iterator[None]:
+    """Make Rerun raise what it otherwise only warns of, and leave the rest of the process as it was."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
+from omnieval.metrics.evaluation import Evaluation
 from omnieval.results.run_folder import Run
 
 
@@ -33,3 +35,18 @@ def summary_fields(run: Run) -> Iterator[tuple[str, str]]:
 
 def _value(value: float | int | None, reason: str | None) -> str:
     return f"{value:.4f}" if value is not None else f"none: {reason}"
+
+
+def configuration_page(name: str, source: str, parameters: Mapping[str, Any]) -> str:
+    """Return a Markdown page that says what a run replays and with which parameters."""
+    rows = "\n".join(f"| `{parameter}` | {value} |" for parameter, value in parameters.items())
+    return f"# {name}\n\n`{source}`\n\n## Parameters\n\n| parameter | value |\n|---|---|\n{rows}\n"
+
+
+def metrics_page(evaluation: Evaluation) -> str:
+    """Return a Markdown section that says what the map of a run is worth."""
+    rows = "\n".join(
+        f"| `{name}` | {_value(value, evaluation.reasons.get(name)) if name != 'nodes' else value} |"
+        for name, value in evaluation.metrics.items()
+    )
+    return f"\n## Metrics\n\n| metric | value |\n|---|---|\n{rows}\n"

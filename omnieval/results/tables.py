@@ -11,8 +11,18 @@ import polars as pl
 from numpy.typing import NDArray
 
 from omnieval.datasets.sequence import Frame
-from omnieval.mapping.partition import transitions
-from omnieval.mapping.step import EventKind, FinalMap, NodeEvent, Placement, Step
+from omnieval.mapping.partition import count_transitions
+from omnieval.mapping.step import (
+    Centroid,
+    EventKind,
+    FinalMap,
+    Margin,
+    NodeEvent,
+    NodeGate,
+    Placement,
+    Step,
+    Verdict,
+)
 from omnieval.results.schemas import NODES, PLACEMENT, STEPS, TRANSITIONS
 
 
@@ -74,11 +84,42 @@ def with_final_map(steps: pl.DataFrame, final: FinalMap) -> pl.DataFrame:
     ).select(STEPS.names())
 
 
-def events_of(row: dict[str, Any]) -> tuple[NodeEvent, ...]:
-    """Return the events of a row of the steps table."""
-    return tuple(
-        NodeEvent(EventKind(event["kind"]), event["node"], event["into"], tuple(event["frames"]))
-        for event in row["event"]
+def step_from_row(row: dict[str, Any]) -> Step:
+    """Return a row of the steps table as a step again, without its match, which is more than a row holds."""
+    gate = margin = centroid = None
+    if row["gate_nodes"] is not None:
+        gate = NodeGate(row["x_gate"], np.array(row["gate_nodes"], np.int64), np.array(row["gate_ratios"]))
+    if row["centroid_shift"] is not None:
+        centroid = Centroid(row["centroid_shift"], row["centroid_bound"])
+    if row["margin"] is not None:
+        margin = Margin(row["margin"], row["margin_gate"])
+    return Step(
+        frame=row["frame"],
+        verdict=Verdict(row["verdict"]),
+        node=row["node"],
+        gate=gate,
+        match=None,
+        centroid=centroid,
+        run=row["run"],
+        events=tuple(
+            NodeEvent(EventKind(event["kind"]), event["node"], event["into"], tuple(event["frames"]))
+            for event in row["event"]
+        ),
+        active=row["active"],
+        pending=row["pending"],
+        margin=margin,
+    )
+
+
+def final_map(steps: pl.DataFrame, nodes: pl.DataFrame) -> FinalMap:
+    """Return the final map that the tables of a complete run hold."""
+    present = nodes.filter(pl.col("merged").is_null())
+    return FinalMap(
+        labels=steps["node_final"].fill_null(0).cast(pl.Int64).to_numpy(),
+        placements=tuple(Placement(placement) for placement in steps["placement"]),
+        nodes=tuple(present["node"].to_list()),
+        active=frozenset(present.filter("active")["node"].to_list()),
+        representatives=np.array(present["representative"].to_list(), np.float64),
     )
 
 
@@ -118,7 +159,7 @@ def nodes_frame(
 
 def transitions_frame(final: FinalMap) -> pl.DataFrame:
     """Return the transitions table of the final map."""
-    edges = sorted(transitions(final.labels).items())
+    edges = sorted(count_transitions(final.labels).items())
     return pl.DataFrame([(a, b, count) for (a, b), count in edges], schema=TRANSITIONS, orient="row")
 
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnieval.descriptors.description import Description
+from omnieval.errors import ConfigError
 from omnieval.mapping.config import Covariance, MapperConfig
 from omnieval.mapping.mapper import Mapper
 from omnieval.mapping.step import EventKind, FinalMap, Match, Placement, Step, Verdict
@@ -43,6 +44,25 @@ def test_a_robot_that_stands_still_makes_one_node(covariance: str, split: str) -
     steps = [mapper.step(still) for _ in range(30)]
     assert [step.verdict for step in steps[10:]] == [Verdict.ASSIGNED] * 20
     assert mapper.finish().labels.tolist() == [1] * 30
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        Description(np.full(4, np.nan, np.float32), np.zeros((8, 2), np.float32)),
+        Description(np.zeros(4, np.float32), np.full((8, 2), np.inf, np.float32)),
+        Description(np.zeros(5, np.float32), np.zeros((8, 2), np.float32)),
+        Description(np.zeros((4, 1), np.float32), np.zeros((8, 2), np.float32)),
+        Description(np.zeros(4, np.float32), np.zeros(16, np.float32)),
+    ],
+)
+def test_an_impossible_description_is_refused_and_leaves_the_mapper_as_it_was(odd: Description) -> None:
+    usual = Description(np.zeros(4, np.float32), np.zeros((8, 2), np.float32))
+    mapper = Mapper(MapperConfig(n_init=10))
+    mapper.step(usual)
+    with pytest.raises(ConfigError, match="image 1"):
+        mapper.step(odd)
+    assert mapper.step(usual).frame == 1
 
 
 worlds = st.builds(

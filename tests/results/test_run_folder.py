@@ -13,7 +13,7 @@ from omnieval.errors import ResultError
 from omnieval.mapping.step import EventKind, NodeEvent, Step, Verdict
 from omnieval.results.run_folder import RunWriter, free_folder, open_run
 from omnieval.results.schemas import STEPS
-from omnieval.results.tables import events_of, step_row
+from omnieval.results.tables import step_from_row, step_row
 
 
 def a_row(number, *, events=()):
@@ -134,7 +134,7 @@ def test_events_survive_the_table(tmp_path):
     writer.step(a_row(7, events=events))
     writer.complete({"steps": writer.steps()}, {})
     (row,) = open_run(tmp_path / "run").steps.iter_rows(named=True)
-    assert events_of(row) == events
+    assert step_from_row(row).events == events
 
 
 def test_times_are_nanoseconds_since_the_epoch(tmp_path):

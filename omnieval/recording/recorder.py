@@ -1,0 +1,208 @@
+"""Records a replay, step by step, for the Rerun viewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import rerun as rr
+
+from omnieval.mapping.partition import Partition
+from omnieval.mapping.step import FinalMap
+from omnieval.recording import layout
+from omnieval.recording.blueprint import build_blueprint
+from omnieval.recording.evidence import curve_rows, gate_rows, plot_rows, word_rows
+from omnieval.recording.overview import Overview
+from omnieval.recording.pictures import encode_omnidirectional, encode_panorama, turn
+from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
+from omnieval.recording.rows import Picture, Row, State, Words
+from omnieval.recording.stream import Stream
+from omnieval.recording.view import check_viewer, start_viewer
+from omnieval.recording.words import final_text
+
+_UNASSIGNED = "unassigned"
+
+
+class Recorder:
+    """Turns Steps into a recording; a context manager.
+
+    Whatever happens to the recording, the replay goes on: after the file or the viewer has failed, `log` does
+    nothing more, and `failure` says what happened. A file grows as ``NAME.partial.rrd`` and gets its name from
+    `close`.
+
+    Parameters
+    ----------
+    path
+        The file to write; None to show the replay in a viewer only.
+    info
+        What to say about the run.
+    options
+        How much to record, and who watches.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be written or the viewer cannot be reached.
+    """
+
+    def __init__(self, path: Path | None, info: RecordingInfo, options: RecordingOptions | None = None) -> None:
+        self._info = info
+        self._options = options or RecordingOptions()
+        viewer = self._viewer()
+        self._stream = Stream(
+            path,
+            recording_id=info.recording_id,
+            blueprint=build_blueprint(info.steps, info.gamma, info.extent),
+            viewer=viewer,
+        )
+        if viewer is not None:
+            self._stream.follow(build_blueprint(info.steps, info.gamma, info.extent, play="following"))
+        self._partition = Partition()
+        self._overview = Overview()
+        self._lanes: dict[str, str] = {}
+        self._log_header()
+
+    @property
+    def failure(self) -> str | None:
+        """What made the recording incomplete, one line; None while all is well."""
+        return self._stream.failure
+
+    def wants_images(self, frame: int) -> bool:
+        """Whether pictures of this frame would be recorded; the caller need not decode others."""
+        return self._options.images and self._detailed(frame)
+
+    def log(self, view: StepView, *, images: StepImages | None = None) -> None:
+        """Record a step; steps come in order, each one once.
+
+        Raises
+        ------
+        ValueError
+            If the step is not the one that follows the last.
+        """
+        step, gamma = view.step, self._info.gamma
+        self._partition.apply(step)
+        if self._stream.ended:
+            return
+        self._stream.begin(step.frame, view.time_ns)
+        rows = [*word_rows(step, gamma), *plot_rows(view, gamma), *self._lane_rows(view)]
+        rows += self._overview.rows(view, self._partition)
+        if self._detailed(step.frame):
+            rows += [*gate_rows(step.gate), *curve_rows(step.match, gamma)]
+        if images is not None and self.wants_images(step.frame):
+            rows += self._image_rows(view, images)
+        self._stream.add(rows)
+
+    def finish(self, final: FinalMap | None, description: str) -> None:
+        """Record what the run has come to: the page with metrics and, unless it was cut short, the final map."""
+        self._stream.static(layout.PAGE, rr.TextDocument(description, media_type=rr.MediaType.MARKDOWN))
+        if final is None:
+            return
+        end = len(final.labels)
+        self._stream.begin(end, None)
+        rows = self._overview.final_rows(final.labels, final.active)
+        words = Words(final_text(final), "FINAL", layout.WHITE)
+        self._stream.add([*rows, (layout.LOG_EVENT, words)])
+        changes = np.flatnonzero(np.diff(final.labels, prepend=-1))
+        for frame in changes.tolist():
+            self._stream.begin(frame, None)
+            self._stream.add([(layout.LANE_FINAL, State(_lane_state(int(final.labels[frame]))))])
+
+    def close(self) -> None:
+        """Complete the recording. Calling it again does nothing."""
+        self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _detailed(self, frame: int) -> bool:
+        return frame % self._options.every == 0 and not self._stream.ended
+
+    def _viewer(self) -> str | None:
+        if self._options.spawn:
+            return start_viewer()
+        if self._options.connect is not None:
+            check_viewer(self._options.connect)
+        return self._options.connect
+
+    def _log_header(self) -> None:
+        """Log what holds for the whole run: name, page, and how everything is drawn."""
+        info, stream = self._info, self._stream
+        stream.name(info.name, info.properties)
+        stream.static(layout.PAGE, rr.TextDocument(info.description, media_type=rr.MediaType.MARKDOWN))
+        for entity, value in styles(info.steps):
+            stream.static(entity, value)
+
+    def _lane_rows(self, view: StepView) -> list[tuple[str, Row]]:
+        """Return the lanes that change their state at this step."""
+        states = {layout.LANE_NODE: _lane_state(view.step.node), layout.LANE_ROOM: view.room or ""}
+        changed = {lane: state for lane, state in states.items() if self._lanes.get(lane, "") != state}
+        self._lanes |= changed
+        return [(lane, State(state)) for lane, state in changed.items()]
+
+    def _image_rows(self, view: StepView, images: StepImages) -> list[tuple[str, Row]]:
+        match = view.step.match
+        rows: list[tuple[str, Row]] = [(layout.PANORAMA, Picture(encode_panorama(images.panorama)))]
+        if images.omnidirectional is not None:
+            picture = Picture(encode_omnidirectional(images.omnidirectional))
+            rows.append((layout.OMNIDIRECTIONAL, picture))
+        turned = None
+        if match is not None and images.match is not None:
+            turned = encode_panorama(turn(images.match, match.shift, self._info.cells))
+        return [*rows, (layout.BEST_MATCH, Picture(turned))]
+
+
+def styles(steps: int) -> list[tuple[str, rr.AsComponents]]:
+    """Return how every entity of a recording of `steps` images is drawn; static data."""
+    nodes = range(layout.most_nodes(steps) + 1)
+    colors = [layout.node_color(node) for node in nodes]
+    infos = [
+        rr.AnnotationInfo(id=node, label=_lane_state(node), color=color)
+        for node, color in zip(nodes, colors, strict=True)
+    ]
+    lane = rr.StateConfiguration(values=[_lane_state(node) for node in nodes], colors=colors)
+    fixed: list[tuple[str, rr.AsComponents]] = [
+        (layout.MAP, rr.AnnotationContext(infos)),
+        (layout.LANE_NODE, lane),
+        (layout.LANE_FINAL, lane),
+        (f"{layout.GATE}/{layout.CANDIDATES}", _bar_color(layout.ACCEPTED_COLOR)),
+        (f"{layout.GATE}/{layout.REFUSED}", _bar_color(layout.UNASSIGNED_COLOR)),
+        (f"{layout.GATE}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
+        (f"{layout.SIMILARITY}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
+        *_map_styles(),
+    ]
+    for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
+        fixed.append((f"{curve}/{layout.CURVE}", _bar_color(layout.CURVE_COLOR)))
+        fixed.append((f"{curve}/{layout.BEST}", _bar_color(layout.BEST_COLOR)))
+    for entity, (label, color) in layout.SERIES.items():
+        fixed.append((entity, rr.SeriesLines(colors=color, names=label, widths=1.2)))
+    return fixed
+
+
+def _map_styles() -> list[tuple[str, rr.AsComponents]]:
+    ui = rr.Radius.ui_points
+    return [
+        (layout.MAP_IMAGES, rr.Points2D.from_fields(radii=ui(3.0), draw_order=10.0)),
+        (layout.MAP_RECENT, rr.Points2D.from_fields(radii=ui(3.0), draw_order=11.0)),
+        (layout.MAP_TRANSITIONS, rr.LineStrips2D.from_fields(radii=ui(1.0), draw_order=20.0)),
+        (layout.MAP_TRAIL, rr.LineStrips2D.from_fields(radii=ui(1.0), draw_order=30.0)),
+        (layout.MAP_MATCH, rr.LineStrips2D.from_fields(radii=ui(1.5), draw_order=31.0)),
+        (layout.MAP_NODES, rr.Points2D.from_fields(radii=ui(7.0), show_labels=True, draw_order=40.0)),
+        (layout.MAP_HEADING, rr.Arrows2D.from_fields(radii=ui(2.0), colors=layout.WHITE, draw_order=50.0)),
+        (layout.MAP_ROBOT, rr.Points2D.from_fields(radii=ui(5.0), colors=layout.WHITE, draw_order=51.0)),
+    ]
+
+
+def _bar_color(color: int) -> rr.AsComponents:
+    """Return the colour of a chart by itself; `rr.BarChart.from_fields` asks for values as well."""
+    return rr.DynamicArchetype("BarChart").with_component_override("color", "rerun.components.Color", [color])
+
+
+def _lane_state(node: int | None) -> str:
+    return str(node) if node else _UNASSIGNED

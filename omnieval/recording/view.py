@@ -1,0 +1,159 @@
+"""The viewer of Rerun's wheel, started on recordings or to watch a replay, and the check of what it is given."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO
+from urllib.parse import urlsplit
+
+from rerun.chunk import RrdReader
+from rerun.error_utils import RerunWarning
+
+from omnieval.errors import OmnievalError, ResultError
+from omnieval.recording import layout
+
+_LOOPBACK = "127.0.0.1"
+_START_SECONDS = 20.0
+_SETTLE_SECONDS = 2.0
+_POLL_SECONDS = 0.1
+_DEFAULT_PORT = 9876
+
+
+def open_viewer(paths: Sequence[Path]) -> None:
+    """Open recordings in a viewer that outlives this process.
+
+    Raises
+    ------
+    ResultError
+        If a file holds no recording of omnieval.
+    OmnievalError
+        If the viewer cannot start, e.g. without a display.
+    """
+    for path in paths:
+        check_recording(path)
+    with tempfile.TemporaryFile() as output:
+        viewer = _launch(["--port", "auto", *(str(path.resolve()) for path in paths)], output)
+        _let_fail(viewer, output, seconds=_SETTLE_SECONDS)
+
+
+def start_viewer() -> str:
+    """Start a viewer that waits for a replay, reachable from this machine only; return its URL.
+
+    Raises
+    ------
+    OmnievalError
+        If the viewer cannot start, e.g. without a display.
+    """
+    with socket.socket() as probe:
+        probe.bind((_LOOPBACK, 0))
+        port = probe.getsockname()[1]
+    with tempfile.TemporaryFile() as output:
+        viewer = _launch(["--port", str(port), "--expect-data-soon", "--hide-welcome-screen"], output)
+        deadline = time.monotonic() + _START_SECONDS
+        while not _answers(_LOOPBACK, port):
+            _let_fail(viewer, output, seconds=_POLL_SECONDS)
+            if time.monotonic() > deadline:
+                viewer.terminate()
+                raise OmnievalError(f"the viewer did not answer within {_START_SECONDS:g} s; try it with: rerun")
+    return f"rerun+http://{_LOOPBACK}:{port}/proxy"
+
+
+def check_viewer(url: str) -> None:
+    """Check that a viewer listens at `url`.
+
+    Raises
+    ------
+    ResultError
+        If the URL is not one of a viewer, or nobody listens there.
+    """
+    parts = urlsplit(url)
+    if parts.scheme not in {"rerun", "rerun+http", "rerun+https"} or not parts.hostname or parts.path != "/proxy":
+        raise ResultError(f"{url!r} is not a viewer's URL; give one like rerun+http://127.0.0.1:9876/proxy")
+    try:
+        port = parts.port or _DEFAULT_PORT
+    except ValueError as error:
+        raise ResultError(f"{url!r} has no valid port: {error}") from error
+    if not _answers(parts.hostname, port):
+        raise ResultError(f"no viewer listens at {url}; start one with: rerun --bind 127.0.0.1 --port {port}")
+
+
+def check_recording(path: Path) -> int:
+    """Return the number of steps in a recording.
+
+    Raises
+    ------
+    ResultError
+        If the file is missing, empty, cut off, or not a recording of omnieval.
+    """
+    if not path.is_file():
+        raise ResultError(f"no recording at {path}; name an .rrd file")
+    content = layout.LOG_DECISION
+    try:
+        with warnings.catch_warnings():
+            # The recording of a killed run has no footer, which costs time but no step.
+            warnings.simplefilter("ignore", RerunWarning)
+            chunks = RrdReader(path).stream().filter(content=content, has_timeline=layout.STEP)
+            steps = sum(chunk.num_rows for chunk in chunks)
+    except (RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise ResultError(f"{path} is empty, cut off or no recording ({reason}); render it again") from error
+    if steps == 0:
+        raise ResultError(f"{path} holds no steps of omnieval; render it again")
+    return steps
+
+
+def _launch(arguments: Sequence[str], output: IO[bytes]) -> subprocess.Popen[bytes]:
+    """Start the viewer in a session of its own; what it says goes to `output`, to explain a failed start."""
+    try:
+        return subprocess.Popen(
+            [str(_viewer_binary()), "--bind", _LOOPBACK, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env=os.environ | {"RERUN_APP_ONLY": "true", "NO_COLOR": "1"},
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise OmnievalError(f"cannot start the viewer: {error.strerror or error}; reinstall rerun-sdk") from error
+
+
+def _let_fail(viewer: subprocess.Popen[bytes], output: IO[bytes], *, seconds: float) -> None:
+    """Give the viewer time to fail; raise OmnievalError with its last words if it does."""
+    try:
+        code = viewer.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return
+    if code != 0:
+        output.seek(0)
+        said = output.read().decode(errors="replace").split("\n")
+        last = next((line.strip() for line in reversed(said) if line.strip()), f"exit code {code}")
+        raise OmnievalError(f"the viewer cannot start: {last}; it needs a display and a graphics driver")
+
+
+def _viewer_binary() -> Path:
+    """Return the viewer inside the wheel; the ``rerun`` console script is a shim that would stay in between."""
+    package = importlib.util.find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        raise OmnievalError("the viewer is not installed; reinstall rerun-sdk")
+    folder = Path(package.origin).parent
+    bundled = folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
+    if sys.platform == "darwin" and bundled.exists():
+        return bundled
+    return folder / ("rerun.exe" if sys.platform == "win32" else "rerun")
+
+
+def _answers(host: str, port: int) -> bool:
+    try:
+        with socket.create_connection((host, port), timeout=2.0):
+            return True
+    except OSError:
+        return False

@@ -1,0 +1,113 @@
+"""The recording as a sink of steps: gives the recorder what a step alone does not know.
+
+Where and when the image was taken, the pictures, the silhouette so far, the pages in words.
+"""
+
+from __future__ import annotations
+
+import uuid
+from pathlib import Path
+
+from omnieval.config import Config
+from omnieval.datasets.sequence import Frame
+from omnieval.errors import DatasetError
+from omnieval.mapping.partition import Partition
+from omnieval.mapping.step import FinalMap, Step
+from omnieval.material import Material
+from omnieval.metrics.evaluation import Evaluation
+from omnieval.metrics.running import SilhouetteSoFar
+from omnieval.recording.recorder import Recorder
+from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
+from omnieval.results.summary import configuration_page, metrics_page
+
+
+class RecordingSink:
+    """Follows a replay into a Rerun recording.
+
+    Nothing that goes wrong here changes a result: `failure` says what did.
+
+    Parameters
+    ----------
+    path
+        The recording to write; None to show it in a viewer only.
+    material
+        What is replayed.
+    config
+        With which parameters.
+    options
+        How much to record, and who watches.
+
+    Raises
+    ------
+    ResultError
+        If the recording cannot be opened.
+    """
+
+    def __init__(self, path: Path | None, material: Material, config: Config, options: RecordingOptions) -> None:
+        self._pictures = material.pictures if options.images else None
+        self._silhouette = SilhouetteSoFar(material.positions) if material.positions is not None else None
+        self._partition = Partition()
+        self._page = configuration_page(material.name, material.source, config.mapper.model_dump(mode="json"))
+        self._picture_failure: str | None = None
+        self._recorder = Recorder(path, _info(material, config, self._page), options)
+
+    @property
+    def failure(self) -> str | None:
+        """What went wrong first, None if nothing did."""
+        return self._recorder.failure or self._picture_failure
+
+    def step(self, step: Step, frame: Frame, milliseconds: float) -> None:
+        """Record a step."""
+        self._partition.apply(step)
+        pose = frame.pose
+        view = StepView(
+            step=step,
+            milliseconds=milliseconds,
+            position=(pose.x, pose.y) if pose else None,
+            yaw=pose.yaw if pose else None,
+            room=frame.room,
+            time_ns=frame.time_ns,
+            silhouette=self._silhouette.apply(step) if self._silhouette else None,
+            unassigned=float((self._partition.labels == 0).mean()),
+        )
+        self._recorder.log(view, images=self._images(step))
+
+    def finish(self, final: FinalMap, evaluation: Evaluation) -> None:
+        """Record the final map and what it is worth."""
+        self._recorder.finish(final, self._page + metrics_page(evaluation))
+
+    def close(self) -> None:
+        """Complete the recording as far as it came."""
+        self._recorder.close()
+
+    def _images(self, step: Step) -> StepImages | None:
+        if self._pictures is None or not self._recorder.wants_images(step.frame):
+            return None
+        try:
+            return StepImages(
+                panorama=self._pictures.panorama(step.frame),
+                omnidirectional=self._pictures.omnidirectional(step.frame),
+                match=self._pictures.panorama(step.match.best_frame) if step.match else None,
+            )
+        except DatasetError as error:
+            # Descriptions come from the cache, so that an image can have gone since; the results do not need it.
+            self._picture_failure = self._picture_failure or str(error)
+            return None
+
+
+def _info(material: Material, config: Config, page: str) -> RecordingInfo:
+    positions = material.positions
+    extent = None
+    if positions is not None:
+        (x_min, y_min), (x_max, y_max) = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
+        extent = (x_min, y_min, x_max, y_max)
+    return RecordingInfo(
+        name=f"{material.name} - {material.descriptor}",
+        recording_id=str(uuid.uuid4()),
+        steps=len(material.frames),
+        gamma=config.mapper.gamma,
+        cells=material.cells,
+        description=page,
+        properties={"source": material.source, **config.mapper.model_dump(mode="json")},
+        extent=extent,
+    )
