@@ -94,22 +94,27 @@ class DescriptorCache:
             )
             self._database.execute("INSERT OR REPLACE INTO descriptions VALUES (?, ?, ?, ?, ?, ?)", row)
             self._unsaved += 1
-            if self._unsaved >= _BATCH:
-                self._database.commit()
-                self._unsaved = 0
         except (sqlite3.Error, OSError) as error:
             self._give_up(error)
+        if self._unsaved >= _BATCH:
+            self.save()
 
-    def close(self) -> None:
-        """Write what is pending and close the file."""
+    def save(self) -> None:
+        """Write what is pending."""
+        self._unsaved = 0
         if self._database is None:
             return
         try:
             self._database.commit()
         except sqlite3.Error as error:
-            self.note = f"no descriptor cache: {error}"
-        self._database.close()
-        self._database = None
+            self._give_up(error)
+
+    def close(self) -> None:
+        """Write what is pending and close the file."""
+        self.save()
+        if self._database is not None:
+            self._database.close()
+            self._database = None
 
     def _lookup(self, file: Path, key: str) -> tuple[str, Description] | None:
         if self._database is None:

@@ -106,11 +106,11 @@ def _rays(
     height, width = active.shape
     reach = int(np.hypot(width, height))
     azimuth = 2.0 * np.pi * np.arange(_RAYS) / _RAYS
-    radius = np.arange(reach) + 0.5
+    radius = np.arange(reach, dtype=np.float64) + 0.5
     u = np.rint(center[0] + np.outer(np.cos(azimuth), radius)).astype(np.int64)
     v = np.rint(center[1] + np.outer(np.sin(azimuth), radius)).astype(np.int64)
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    samples = active[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] & inside
+    samples: NDArray[np.bool_] = active[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] & inside
     # The image border is no edge of the mirror: rays that are active up to it tell nothing.
     last = inside.sum(axis=1) - 1
     touches = samples[np.arange(_RAYS), last] | samples[np.arange(_RAYS), np.maximum(last - 1, 0)]
@@ -131,12 +131,15 @@ def _fit_circle(points: NDArray[np.float64]) -> _Circle | None:
     if len(points) < _FEWEST_INLIERS * _RAYS:
         return None
     generator = named_generator(0, "mirror-rim")
-    best = np.zeros(len(points), np.bool_)
+    best, best_score = np.zeros(len(points), np.bool_), 0
     for _ in range(300):
-        trial = _circle_through(points[generator.choice(len(points), 3, replace=False)])
-        agree = np.abs(np.hypot(points[:, 0] - trial[0], points[:, 1] - trial[1]) - trial[2]) < _INLIER_PX
-        if agree.sum() > best.sum():
-            best = agree
+        cx, cy, radius = _circle_through(points[generator.choice(len(points), 3, replace=False)])
+        beyond = np.hypot(points[:, 0] - cx, points[:, 1] - cy) - radius
+        agree = np.abs(beyond) < _INLIER_PX
+        # A plain wall at the rim hides it, so points inside the circle say little; nothing moves outside of it.
+        score = int(agree.sum()) - int((beyond >= _INLIER_PX).sum())
+        if score > best_score:
+            best, best_score = agree, score
     if best.sum() < _FEWEST_INLIERS * _RAYS:
         return None
     cx, cy, radius = _circle_through(points[best])

@@ -17,6 +17,7 @@ class ImageMemory:
         self._count = 0
         self._positions: NDArray[np.float64] = np.empty((0, 0))
         self._orientations = OrientationStore()
+        self._shapes: tuple[tuple[int, ...], tuple[int, ...]] | None = None
 
     def __len__(self) -> int:
         return self._count
@@ -69,10 +70,13 @@ class ImageMemory:
                 f"{where}: position and orientation descriptors must have 1 and 2 dimensions, "
                 f"got shapes {position.shape} and {orientation.shape}"
             )
-        if self._count and position.size != self._positions.shape[1]:
+        shapes = position.shape, orientation.shape
+        if self._shapes is not None and shapes != self._shapes:
             raise ConfigError(
-                f"{where}: position descriptor has {position.size} values, earlier ones {self._positions.shape[1]}"
+                f"{where}: its position and orientation descriptors have shapes {shapes[0]} and {shapes[1]}, "
+                f"earlier ones {self._shapes[0]} and {self._shapes[1]}"
             )
         if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
             raise ConfigError(f"{where}: its descriptor has NaN or infinite values")
+        self._shapes = shapes
         return position.astype(np.float64)

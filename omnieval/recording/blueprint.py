@@ -11,7 +11,9 @@ import rerun.blueprint as rrb
 from omnieval.recording import layout
 
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_URL, "https://rerun.io/blueprint/omnieval")
-_MAP_ASPECT = 1.25
+_Corner = Literal["LeftTop", "LeftBottom"]
+
+_MAP_ASPECT = 1.7
 """Width over height of the map view."""
 
 
@@ -58,7 +60,7 @@ def _pictures() -> rrb.Container:
         rrb.Spatial2DView(origin=layout.BEST_MATCH, name="Best match, turned by the shift"),
         rrb.Horizontal(
             rrb.Spatial2DView(origin=layout.OMNIDIRECTIONAL, name="Omnidirectional image"),
-            _bars(layout.GATE, "Node gate: ratio of each node, band up to x"),
+            _bars(layout.GATE, "Node gates against x"),
         ),
         row_shares=[0.29, 0.29, 0.42],
     )
@@ -72,38 +74,41 @@ def _places(extent: tuple[float, float, float, float] | None) -> rrb.Container:
     )
     view = rrb.Spatial2DView(
         origin=layout.MAP,
-        name="Cluster map",
+        name="Cluster map (pending nodes in brackets)",
         overrides={layout.MAP_TRAIL: [trail]},
         visual_bounds=_bounds(extent),
     )
     graph = rrb.GraphView(
         origin=layout.GRAPH,
         name="Topological graph",
-        force_link=rrb.archetypes.ForceLink(distance=60.0),
-        force_many_body=rrb.archetypes.ForceManyBody(strength=-40.0),
+        force_link=rrb.archetypes.ForceLink(distance=70.0),
+        force_many_body=rrb.archetypes.ForceManyBody(strength=-80.0),
+        force_collision_radius=rrb.archetypes.ForceCollisionRadius(enabled=True, strength=1.0),
+        force_position=rrb.archetypes.ForcePosition(enabled=True, strength=0.03, position=(0.0, 0.0)),
     )
-    page = rrb.TextDocumentView(origin=layout.PAGE, name="Run")
-    return rrb.Vertical(view, rrb.Tabs(graph, page, active_tab=0), row_shares=[0.66, 0.34])
+    return rrb.Vertical(view, graph, row_shares=[0.62, 0.38])
 
 
 def _curves() -> rrb.Container:
     return rrb.Vertical(
-        _bars(layout.SIMILARITY, "Similarity over the map; peak must pass the band"),
+        _bars(layout.SIMILARITY, "Similarity over the map: the peak must pass the band"),
         _bars(layout.POSITION, "Position similarity"),
         _bars(layout.ORIENTATION, "Orientation similarity"),
         row_shares=[0.44, 0.28, 0.28],
     )
 
 
-def _plots(steps: int, gamma: float) -> list[rrb.View]:
+def _plots(steps: int, gamma: float) -> list[rrb.View | rrb.Container]:
     prominence = rrb.ScalarAxis(range=(0.0, max(4.0 * gamma, 1.0)))
+    margin = _plot(layout.PLOT_MARGIN, "Margin", steps, rrb.ScalarAxis(range=(0.0, 0.5)))
+    gate = _plot(layout.PLOT_GATE, "Nearest gate against x", steps, rrb.ScalarAxis(range=(0.0, 6.0)))
+    cost = _plot(layout.PLOT_COST, "Cost", steps)
     return [
-        _plot(layout.PLOT_PROMINENCE, "Prominence / mean against gamma", steps, prominence),
-        _plot(layout.PLOT_GATE, "Nearest node's gate ratio against x", steps, rrb.ScalarAxis(range=(0.0, 6.0))),
+        _plot(layout.PLOT_PROMINENCE, "Prominence against gamma", steps, prominence),
         _plot(layout.PLOT_CENTROID, "Centroid shift against bound", steps),
-        _plot(layout.PLOT_MARGIN, "Margin", steps, rrb.ScalarAxis(range=(0.0, 0.5))),
-        _plot(layout.PLOT_NODES, "Nodes", steps),
-        _plot(layout.PLOT_QUALITY, "Silhouette, share unassigned", steps, rrb.ScalarAxis(range=(-1.0, 1.0))),
+        rrb.Tabs(margin, gate, cost, active_tab=0),
+        _plot(layout.PLOT_NODES, "Nodes", steps, legend="LeftTop"),
+        _plot(layout.PLOT_QUALITY, "Quality so far", steps, rrb.ScalarAxis(range=(-1.0, 1.0)), legend="LeftBottom"),
     ]
 
 
@@ -113,21 +118,26 @@ def _lanes(steps: int) -> rrb.View:
     )
 
 
-def _words() -> rrb.View:
-    return rrb.TextLogView(origin=layout.LOG, name="Decisions and events")
+def _words() -> rrb.Container:
+    columns = rrb.TextLogColumns(timeline_columns=[layout.STEP], text_log_columns=["LogLevel", "Body"])
+    log = rrb.TextLogView(origin=layout.LOG, name="Decisions and events", columns=columns)
+    page = rrb.TextDocumentView(origin=layout.PAGE, name="Configuration and metrics")
+    return rrb.Tabs(log, page, active_tab=0)
 
 
 def _bars(origin: str, name: str) -> rrb.View:
     return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))
 
 
-def _plot(origin: str, name: str, steps: int, axis: rrb.ScalarAxis | None = None) -> rrb.View:
+def _plot(
+    origin: str, name: str, steps: int, axis: rrb.ScalarAxis | None = None, *, legend: _Corner | None = None
+) -> rrb.View:
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
         axis_x=_whole_run(steps),
         axis_y=axis,
-        plot_legend=rrb.PlotLegend(visible=False),
+        plot_legend=rrb.PlotLegend(legend, visible=legend is not None),
     )
 
 

@@ -100,7 +100,7 @@ def node_color(node: int) -> int:
     if node == 0:
         return UNASSIGNED_COLOR
     hue = (0.58 + _GOLDEN_RATIO * (node - 1)) % 1.0
-    lightness, saturation = ((0.60, 0.75), (0.48, 0.65), (0.72, 0.60))[node % 3]
+    lightness, saturation = ((0.62, 0.75), (0.56, 0.55), (0.74, 0.70))[node % 3]
     red, green, blue = (round(255 * channel) for channel in colorsys.hls_to_rgb(hue, lightness, saturation))
     return red << 24 | green << 16 | blue << 8 | 0xFF
 

@@ -124,7 +124,7 @@ def topological_graph(labels: NDArray[np.int64], active: frozenset[int]) -> Grap
 
 
 def _node_label(node: int, active: frozenset[int]) -> str:
-    return f"{node}" if node in active else f"{node} (pending)"
+    return f"{node}" if node in active else f"({node})"
 
 
 def _segment(start: NDArray[np.float64], end: NDArray[np.float64], color: int) -> Segments:

@@ -19,10 +19,9 @@ from omnieval.recording.pictures import encode_omnidirectional, encode_panorama,
 from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
 from omnieval.recording.rows import Picture, Row, State, Words
 from omnieval.recording.stream import Stream
+from omnieval.recording.styles import lane_state, styles
 from omnieval.recording.view import check_viewer, start_viewer
 from omnieval.recording.words import final_text
-
-_UNASSIGNED = "unassigned"
 
 
 class Recorder:
@@ -107,7 +106,7 @@ class Recorder:
         changes = np.flatnonzero(np.diff(final.labels, prepend=-1))
         for frame in changes.tolist():
             self._stream.begin(frame, None)
-            self._stream.add([(layout.LANE_FINAL, State(_lane_state(int(final.labels[frame]))))])
+            self._stream.add([(layout.LANE_FINAL, State(lane_state(int(final.labels[frame]))))])
 
     def close(self) -> None:
         """Complete the recording. Calling it again does nothing."""
@@ -141,7 +140,7 @@ class Recorder:
 
     def _lane_rows(self, view: StepView) -> list[tuple[str, Row]]:
         """Return the lanes that change their state at this step."""
-        states = {layout.LANE_NODE: _lane_state(view.step.node), layout.LANE_ROOM: view.room or ""}
+        states = {layout.LANE_NODE: lane_state(view.step.node), layout.LANE_ROOM: view.room or ""}
         changed = {lane: state for lane, state in states.items() if self._lanes.get(lane, "") != state}
         self._lanes |= changed
         return [(lane, State(state)) for lane, state in changed.items()]
@@ -156,53 +155,3 @@ class Recorder:
         if match is not None and images.match is not None:
             turned = encode_panorama(turn(images.match, match.shift, self._info.cells))
         return [*rows, (layout.BEST_MATCH, Picture(turned))]
-
-
-def styles(steps: int) -> list[tuple[str, rr.AsComponents]]:
-    """Return how every entity of a recording of `steps` images is drawn; static data."""
-    nodes = range(layout.most_nodes(steps) + 1)
-    colors = [layout.node_color(node) for node in nodes]
-    infos = [
-        rr.AnnotationInfo(id=node, label=_lane_state(node), color=color)
-        for node, color in zip(nodes, colors, strict=True)
-    ]
-    lane = rr.StateConfiguration(values=[_lane_state(node) for node in nodes], colors=colors)
-    fixed: list[tuple[str, rr.AsComponents]] = [
-        (layout.MAP, rr.AnnotationContext(infos)),
-        (layout.LANE_NODE, lane),
-        (layout.LANE_FINAL, lane),
-        (f"{layout.GATE}/{layout.CANDIDATES}", _bar_color(layout.ACCEPTED_COLOR)),
-        (f"{layout.GATE}/{layout.REFUSED}", _bar_color(layout.UNASSIGNED_COLOR)),
-        (f"{layout.GATE}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
-        (f"{layout.SIMILARITY}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
-        *_map_styles(),
-    ]
-    for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
-        fixed.append((f"{curve}/{layout.CURVE}", _bar_color(layout.CURVE_COLOR)))
-        fixed.append((f"{curve}/{layout.BEST}", _bar_color(layout.BEST_COLOR)))
-    for entity, (label, color) in layout.SERIES.items():
-        fixed.append((entity, rr.SeriesLines(colors=color, names=label, widths=1.2)))
-    return fixed
-
-
-def _map_styles() -> list[tuple[str, rr.AsComponents]]:
-    ui = rr.Radius.ui_points
-    return [
-        (layout.MAP_IMAGES, rr.Points2D.from_fields(radii=ui(3.0), draw_order=10.0)),
-        (layout.MAP_RECENT, rr.Points2D.from_fields(radii=ui(3.0), draw_order=11.0)),
-        (layout.MAP_TRANSITIONS, rr.LineStrips2D.from_fields(radii=ui(1.0), draw_order=20.0)),
-        (layout.MAP_TRAIL, rr.LineStrips2D.from_fields(radii=ui(1.0), draw_order=30.0)),
-        (layout.MAP_MATCH, rr.LineStrips2D.from_fields(radii=ui(1.5), draw_order=31.0)),
-        (layout.MAP_NODES, rr.Points2D.from_fields(radii=ui(7.0), show_labels=True, draw_order=40.0)),
-        (layout.MAP_HEADING, rr.Arrows2D.from_fields(radii=ui(2.0), colors=layout.WHITE, draw_order=50.0)),
-        (layout.MAP_ROBOT, rr.Points2D.from_fields(radii=ui(5.0), colors=layout.WHITE, draw_order=51.0)),
-    ]
-
-
-def _bar_color(color: int) -> rr.AsComponents:
-    """Return the colour of a chart by itself; `rr.BarChart.from_fields` asks for values as well."""
-    return rr.DynamicArchetype("BarChart").with_component_override("color", "rerun.components.Color", [color])
-
-
-def _lane_state(node: int | None) -> str:
-    return str(node) if node else _UNASSIGNED

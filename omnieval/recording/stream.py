@@ -65,6 +65,7 @@ class Stream:
         except (RuntimeError, ValueError, TypeError) as error:
             if self._file is not None:
                 self._file.close(keep=False)
+                self._file.partial.unlink(missing_ok=True)
             raise ResultError(f"cannot open the recording {path or viewer}: {_one_line(error)}") from error
         if self._file is not None:
             self._file.opened()
@@ -88,7 +89,7 @@ class Stream:
         if values:
             self._do(lambda: self._rerun.send_property("run", rr.AnyValues(drop_untyped_nones=True, **values)))
 
-    def static(self, entity: str, value: rr.AsComponents) -> None:
+    def static(self, entity: str, value: rr.AsComponents | list[rr.DescribedComponentBatch]) -> None:
         """Log what holds at all times; what was said before is replaced."""
         self._do(lambda: self._rerun.log(entity, value, static=True))
 

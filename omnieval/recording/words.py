@@ -43,8 +43,8 @@ def final_text(final: FinalMap) -> str:
     """Say what the map has become when the sequence has ended."""
     counts = {placement: final.placements.count(placement) for placement in Placement}
     return (
-        f"final map: {len(final.nodes)} nodes ({len(final.active)} active); leftovers: "
-        f"{counts[Placement.RETEST]} accepted at the retest, {counts[Placement.FORCED]} placed by force, "
+        f"final map: {len(final.nodes)} nodes, {len(final.active)} active; leftovers: "
+        f"{counts[Placement.RETEST]} accepted, {counts[Placement.FORCED]} forced, "
         f"{counts[Placement.UNASSIGNED]} unassigned"
     )
 

@@ -11,7 +11,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import omnieval
 from omnieval.datasets.sequence import Frame
 
 _LIBRARIES = ("numpy", "scipy", "scikit-learn", "opencv-python-headless", "polars", "pydantic", "rerun-sdk")
@@ -22,13 +21,13 @@ _DECIDING = ("datasets/sequence.py", "imaging", "descriptors", "mapping", "seedi
 def versions() -> dict[str, str]:
     """Return the versions of omnieval, Python and the libraries a result may depend on."""
     libraries = {name: version(name) for name in _LIBRARIES}
-    return {"omnieval": omnieval.__version__, "python": platform.python_version(), **libraries}
+    return {"omnieval": version("omnieval"), "python": platform.python_version(), **libraries}
 
 
 @cache
 def code_digest() -> str:
     """Return a digest of the source files that a decision can depend on."""
-    root = Path(omnieval.__file__).parent
+    root = Path(__file__).parents[1]
     parts = [root / name for name in _DECIDING]
     files = sorted(file for part in parts for file in (part.rglob("*.py") if part.is_dir() else [part]))
     return _digest([[file.relative_to(root).as_posix(), file.read_text("utf-8")] for file in files])

@@ -8,6 +8,11 @@ from omnieval.mapping.step import EventKind, Placement, Verdict
 
 SCHEMA_VERSION = 1
 
+
+def _schema(columns: dict[str, pl.DataType | type[pl.DataType]]) -> pl.Schema:
+    return pl.Schema(columns)
+
+
 VERDICT = pl.Enum([verdict.value for verdict in Verdict])
 PLACEMENT = pl.Enum([placement.value for placement in Placement])
 EVENT = pl.Struct(
@@ -19,7 +24,7 @@ EVENT = pl.Struct(
     }
 )
 
-STEPS = pl.Schema(
+STEPS = _schema(
     {
         "frame": pl.Int32,
         "file": pl.String,
@@ -62,7 +67,7 @@ STEPS = pl.Schema(
 DECISIONS = tuple(name for name in STEPS if name != "milliseconds")
 """The columns that two runs of the same sequence and configuration share to the bit."""
 
-NODES = pl.Schema(
+NODES = _schema(
     {
         "node": pl.Int32,
         "images": pl.Int32,
@@ -83,5 +88,5 @@ NODES = pl.Schema(
 box of its images (metres), `representative` the mean position descriptor, `representative_frame` the image nearest
 to it; null for nodes that merged into another."""
 
-TRANSITIONS = pl.Schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
+TRANSITIONS = _schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
 """The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""

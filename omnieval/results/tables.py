@@ -142,7 +142,7 @@ def nodes_frame(
     rooms = steps["room"].to_list()
     rows = []
     for node, moments in history.items():
-        row = {"node": node, "images": 0, "active": node in final.active, **moments}
+        row: dict[str, Any] = {"node": node, "images": 0, "active": node in final.active, **moments}
         if node in final.nodes:
             representative = final.representatives[final.nodes.index(node)]
             frames = np.flatnonzero(final.labels == node)

@@ -54,6 +54,9 @@ def test_a_robot_that_stands_still_makes_one_node(covariance: str, split: str) -
         Description(np.zeros(5, np.float32), np.zeros((8, 2), np.float32)),
         Description(np.zeros((4, 1), np.float32), np.zeros((8, 2), np.float32)),
         Description(np.zeros(4, np.float32), np.zeros(16, np.float32)),
+        Description(np.zeros(4, np.float32), np.zeros((1, 2), np.float32)),
+        Description(np.zeros(4, np.float32), np.zeros((8, 1), np.float32)),
+        Description(np.zeros(4, np.float32), np.zeros((4, 2), np.float32)),
     ],
 )
 def test_an_impossible_description_is_refused_and_leaves_the_mapper_as_it_was(odd: Description) -> None:

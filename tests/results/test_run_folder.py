@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import polars as pl
 import pytest
@@ -18,7 +19,7 @@ from omnieval.results.tables import step_from_row, step_row
 
 def a_row(number, *, events=()):
     step = Step(number, Verdict.INITIAL, 1, None, None, None, 0, tuple(events), 1, 0, None)
-    return step_row(step, Frame(path=None, file=f"{number}.png", pose=Pose(1.0, 2.0, 0.5), room="CR"), 0.25)
+    return step_row(step, Frame(path=Path(), file=f"{number}.png", pose=Pose(1.0, 2.0, 0.5), room="CR"), 0.25)
 
 
 def test_steps_are_readable_while_the_run_is_under_way(tmp_path, monkeypatch):
@@ -140,5 +141,5 @@ def test_events_survive_the_table(tmp_path):
 def test_times_are_nanoseconds_since_the_epoch(tmp_path):
     step = Step(0, Verdict.INITIAL, 1, None, None, None, 0, (), 1, 0, None)
     writer = RunWriter(tmp_path / "run", {})
-    writer.step(step_row(step, Frame(path=None, file="a", time_ns=1_152_904_768_652_404_000), 0.1))
+    writer.step(step_row(step, Frame(path=Path(), file="a", time_ns=1_152_904_768_652_404_000), 0.1))
     assert writer.steps()["time"].cast(pl.Int64).to_list() == [1_152_904_768_652_404_000]

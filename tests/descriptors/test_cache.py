@@ -1,0 +1,103 @@
+"""The descriptor cache: found again, never trusted when damaged, never in the way."""
+
+import os
+import sqlite3
+
+import numpy as np
+import pytest
+
+from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
+from omnieval.descriptors.description import Description
+
+KEY = description_key({"descriptor": "a"})
+
+
+def a_description(seed=0):
+    rng = np.random.default_rng(seed)
+    return Description(rng.random(6, np.float32), rng.random((4, 3), np.float32))
+
+
+@pytest.fixture
+def image(tmp_path):
+    file = tmp_path / "image.png"
+    file.write_bytes(b"some pixels")
+    return file
+
+
+def stored(path, image, key=KEY):
+    with DescriptorCache(path) as cache:
+        cache.store(image, key, image_digest(image.read_bytes()), a_description())
+    return a_description()
+
+
+def test_a_description_is_found_again_bit_for_bit(tmp_path, image):
+    expected = stored(tmp_path / "c.sqlite", image)
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        found = cache.lookup(image, KEY)
+        assert (cache.hits, cache.misses) == (1, 0)
+    assert found is not None
+    digest, description = found
+    assert digest == image_digest(b"some pixels")
+    assert np.array_equal(description.position, expected.position)
+    assert np.array_equal(description.orientation, expected.orientation)
+
+
+def test_other_settings_or_other_bytes_are_not_found(tmp_path, image):
+    stored(tmp_path / "c.sqlite", image)
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        assert cache.lookup(image, description_key({"descriptor": "b"})) is None
+        image.write_bytes(b"other pixels")
+        assert cache.lookup(image, KEY) is None
+        image.unlink()
+        assert cache.lookup(image, KEY) is None
+        assert cache.misses == 3
+
+
+def test_a_rewritten_file_of_the_same_size_is_not_found(tmp_path, image):
+    stored(tmp_path / "c.sqlite", image)
+    image.write_bytes(b"Some pixels")
+    os.utime(image, ns=(1, 1))
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        assert cache.lookup(image, KEY) is None
+
+
+def test_a_flipped_bit_is_noticed(tmp_path, image):
+    stored(tmp_path / "c.sqlite", image)
+    with sqlite3.connect(tmp_path / "c.sqlite") as database:
+        (blob,) = database.execute("SELECT position FROM descriptions").fetchone()
+        database.execute("UPDATE descriptions SET position = ?", (bytes([blob[0] ^ 1]) + blob[1:],))
+    database.close()
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        assert cache.lookup(image, KEY) is None
+
+
+def test_a_file_that_is_no_database_is_put_aside(tmp_path, image):
+    path = tmp_path / "c.sqlite"
+    path.write_bytes(b"this is not a database, whatever its name says" * 100)
+    expected = stored(path, image)
+    with DescriptorCache(path) as cache:
+        found = cache.lookup(image, KEY)
+    assert found is not None
+    assert np.array_equal(found[1].position, expected.position)
+    assert (tmp_path / "c.damaged").exists()
+
+
+def test_without_a_place_to_write_there_is_no_cache_and_no_error(tmp_path, image):
+    (tmp_path / "file").write_text("in the way")
+    with DescriptorCache(tmp_path / "file" / "c.sqlite") as cache:
+        cache.store(image, KEY, "digest", a_description())
+        assert cache.lookup(image, KEY) is None
+        assert cache.note is not None
+        assert "no descriptor cache" in cache.note
+
+
+def test_two_caches_on_one_file(tmp_path, image):
+    other = tmp_path / "other.png"
+    other.write_bytes(b"x")
+    with DescriptorCache(tmp_path / "c.sqlite") as one, DescriptorCache(tmp_path / "c.sqlite") as two:
+        one.store(image, KEY, "1", a_description(1))
+        one.save()
+        two.store(other, KEY, "2", a_description(2))
+        two.save()
+        assert one.lookup(other, KEY) is not None
+        assert two.lookup(image, KEY) is not None

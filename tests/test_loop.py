@@ -1,0 +1,193 @@
+"""The replay as a whole: tables that say what was decided, deterministic, causal, the same with or without a view."""
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+import omnieval
+from omnieval.datasets import load
+from omnieval.descriptors.hog import Hog
+from omnieval.errors import ConfigError, DatasetError, ResultError
+from omnieval.loop import describe_archive, map_archive, replay
+from omnieval.recording.records import RecordingOptions
+from omnieval.render import render
+from omnieval.results.run_folder import open_run
+from omnieval.results.schemas import DECISIONS, NODES, STEPS, TRANSITIONS
+
+CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
+
+
+@pytest.fixture(scope="module")
+def run(panoramas, tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "first"
+    config = omnieval.configure(CONFIG)
+    return replay(panoramas, config=config, out=out, recording=RecordingOptions())
+
+
+def decisions(run):
+    return run.steps.select(DECISIONS)
+
+
+def test_three_places_are_found_and_closed_again(run):
+    assert run.status == "complete"
+    verdicts = set(run.steps["verdict"])
+    assert {"initial", "assigned", "no-candidate"} <= verdicts
+    purity = run.steps.group_by("node_final").agg(pl.col("room").n_unique())["room"]
+    assert purity.to_list() == [1] * len(purity)
+    assert run.metrics["nodes"] >= 3
+    assert run.metrics["silhouette"] > 0.6 > run.metrics["silhouette_time_slices"]
+
+
+def test_tables_have_their_schemas(run):
+    assert run.steps.schema == STEPS
+    assert run.nodes.schema == NODES
+    assert run.transitions.schema == TRANSITIONS
+
+
+def test_the_tables_agree_with_each_other(run):
+    steps, nodes = run.steps, run.nodes
+    counted = steps.group_by("node_final").len().sort("node_final")
+    present = nodes.filter(pl.col("merged").is_null()).sort("node")
+    assert counted["node_final"].to_list() == present["node"].to_list()
+    assert counted["len"].to_list() == present["images"].to_list()
+    assert run.metrics["nodes"] == len(present)
+    assert run.transitions["count"].sum() == (steps["node_final"].diff().drop_nulls() != 0).sum()
+    shares = [value for name, value in run.metrics.items() if name.startswith("share_")]
+    assert sum(shares) == pytest.approx(1.0)
+    assert present["representative_frame"].to_list() == [
+        frame for frame in present["representative_frame"] if steps["node_final"][frame] in present["node"]
+    ]
+
+
+def test_every_verdict_follows_from_the_numbers_beside_it(run):
+    config = run.manifest["configuration"]["mapper"]
+    for row in run.steps.iter_rows(named=True):
+        if row["verdict"] == "initial":
+            continue
+        pairs = zip(row["gate_nodes"], row["gate_ratios"], strict=True)
+        assert row["candidates"] == [node for node, ratio in pairs if ratio <= row["x_gate"]]
+        assert (row["best_frame"] is None) == (not row["candidates"])
+        if row["verdict"] == "prominence":
+            assert row["prominence_ratio"] < config["gamma"]
+        if row["verdict"] == "assigned":
+            assert row["peaks"] < 2 or row["prominence_ratio"] >= config["gamma"]
+            assert row["centroid_shift"] <= row["centroid_bound"]
+            assert row["node"] is not None
+        assert row["margin"] >= 0
+
+
+def test_a_second_replay_decides_the_same_and_reads_no_image(run, panoramas, tmp_path, monkeypatch):
+    def refuse(_):
+        raise AssertionError("an image was read although its description is cached")
+
+    monkeypatch.setattr("omnieval.datasets.sequence.Frame.read", refuse)
+    # What the images are is known, so that not even the first one is looked at.
+    config = omnieval.configure(CONFIG, **{"imaging.kind": "panoramic"})
+    again = replay(panoramas, config=config, out=tmp_path / "again")
+    assert decisions(again).equals(decisions(run))
+    assert again.nodes.equals(run.nodes)
+    assert again.metrics == run.metrics
+    assert again.manifest["identity"] == run.manifest["identity"]
+
+
+def test_the_identity_covers_what_determines_the_result(run, panoramas, tmp_path):
+    other = replay(panoramas, config=omnieval.configure({**CONFIG, "merge_y": 0.1}), out=tmp_path / "parameter")
+    shorter = replay(load(panoramas).cut(limit=70), config=omnieval.configure(CONFIG), out=tmp_path / "images")
+    hog = Hog(omnieval.configure({"hog.bins": 8}).hog)
+    descriptor = replay(panoramas, config=omnieval.configure(CONFIG), descriptor=hog, out=tmp_path / "descriptor")
+    identities = {one.manifest["identity"] for one in (run, other, shorter, descriptor)}
+    assert len(identities) == 4
+
+
+@pytest.mark.parametrize("limit", [11, 37, 64])
+def test_steps_depend_on_earlier_frames_only(run, panoramas, tmp_path, limit):
+    prefix = replay(load(panoramas).cut(limit=limit), config=omnieval.configure(CONFIG), out=tmp_path / "prefix")
+    at_the_step = [name for name in DECISIONS if name not in {"node_final", "placement", "forced"}]
+    assert prefix.steps.select(at_the_step).equals(run.steps.head(limit).select(at_the_step))
+
+
+def test_without_poses_position_metrics_are_null_with_a_reason(panoramas, tmp_path):
+    for image in panoramas.glob("*.png"):
+        (tmp_path / "bare").mkdir(exist_ok=True)
+        (tmp_path / "bare" / image.name).write_bytes(image.read_bytes())
+    config = omnieval.configure(CONFIG)
+    run = replay(tmp_path / "bare", config=config, out=tmp_path / "run", recording=RecordingOptions())
+    assert run.metrics["silhouette"] is None
+    assert "no poses" in run.manifest["null_reasons"]["silhouette"]
+    assert run.steps["x"].null_count() == len(run.steps)
+    assert run.manifest["recording_failure"] is None
+    assert run.recording.exists()
+
+
+def test_the_mapper_alone_on_an_archive_decides_the_same(run, panoramas, tmp_path):
+    archive = tmp_path / "three.npz"
+    describe_archive(load(panoramas), archive)
+    mapped = map_archive(archive, config=omnieval.configure(CONFIG), out=tmp_path / "mapped")
+    assert decisions(mapped).equals(decisions(run))
+    assert mapped.metrics == run.metrics
+    with pytest.raises(ResultError, match="exists"):
+        describe_archive(load(panoramas), archive)
+    with np.load(archive, allow_pickle=False) as arrays:
+        assert set(arrays.files) == {"position", "orientation", "file", "xy", "yaw", "room", "time_ns"}
+
+
+def test_render_rebuilds_the_recording_from_tables_and_images(run):
+    first = run.recording.stat().st_size
+    run.recording.unlink()
+    assert render(open_run(run.folder)) == run.recording
+    assert run.recording.stat().st_size == pytest.approx(first, rel=0.05)
+
+
+def test_render_refuses_when_the_images_have_changed(panoramas, tmp_path):
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    for file in panoramas.iterdir():
+        (copy / file.name).write_bytes(file.read_bytes())
+    run = replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    numbers = run.steps.filter(pl.col("verdict") == "assigned")["file"].to_list()
+    (copy / numbers[0]).write_bytes((copy / "image20.png").read_bytes())
+    with pytest.raises(ResultError, match="replay the sequence again"):
+        render(run)
+
+
+def test_a_sequence_shorter_than_the_first_node_is_refused_before_anything_is_written(panoramas, tmp_path):
+    with pytest.raises(ConfigError, match="needs n_init = 20 images but there are only 12"):
+        replay(load(panoramas).cut(limit=12), out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_image_that_cannot_be_read_ends_the_run_but_keeps_its_steps(panoramas, tmp_path):
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    for file in panoramas.iterdir():
+        (copy / file.name).write_bytes(file.read_bytes())
+    (copy / "image60.png").write_bytes(b"\x89PNG broken")
+    with pytest.raises(DatasetError, match=r"image60\.png"):
+        replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    run = open_run(tmp_path / "run")
+    assert run.status == "failed"
+    assert "image60.png" in run.manifest["reason"]
+    assert run.steps["frame"].to_list() == list(range(60))
+
+
+def test_an_interrupted_run_keeps_its_steps(panoramas, tmp_path):
+    def interrupt(done, total):
+        if done == 42:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run", progress=interrupt)
+    run = open_run(tmp_path / "run")
+    assert (run.status, len(run.steps)) == ("interrupted", 42)
+    assert render(run).exists()
+
+
+def test_the_manifest_says_where_everything_comes_from(run, panoramas):
+    manifest = json.loads((run.folder / "run.json").read_text())
+    assert manifest["source"] == f"folder:{panoramas.resolve()}"
+    assert manifest["configuration"]["mapper"]["omega"] == 3.5
+    assert manifest["camera"]["kind"] == "panoramic"
+    assert manifest["versions"]["omnieval"] == omnieval.__version__
+    assert manifest["smallest_margin"]["value"] == run.steps["margin"].min()
