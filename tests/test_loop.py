@@ -34,8 +34,8 @@ def test_three_places_are_found_and_closed_again(run):
     assert run.status == "complete"
     verdicts = set(run.steps["verdict"])
     assert {"initial", "assigned", "no-candidate"} <= verdicts
-    purity = run.steps.group_by("node_final").agg(pl.col("room").n_unique())["room"]
-    assert purity.to_list() == [1] * len(purity)
+    majority = run.steps.group_by("node_final", "room").len().group_by("node_final").agg(pl.col("len").max())
+    assert majority["len"].sum() >= 0.95 * len(run.steps)
     assert run.metrics["nodes"] >= 3
     assert run.metrics["silhouette"] > 0.6 > run.metrics["silhouette_time_slices"]
 

@@ -17,7 +17,7 @@ from omnieval.recording.rows import Row
 
 FLUSH_STEPS = 50
 """Steps gathered before they are sent; a killed process loses at most these."""
-LIVE_FLUSH_STEPS = 5
+LIVE_FLUSH_STEPS = 10
 """The same while somebody watches."""
 
 _FLUSH_SECONDS = 10.0
