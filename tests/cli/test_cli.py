@@ -20,7 +20,7 @@ from omnieval.results.run_folder import open_run
 SMALL = ("--set", "n_init=10", "--set", "n_new=10", "--set", "gamma=1", "--set", "omega=3.5", "--set", "merge_y=0.5")
 
 
-def in_process(*arguments, cwd):
+def omnieval(*arguments, cwd):
     command = [sys.executable, "-c", "from omnieval.cli import main; main()", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, env=dict(os.environ))
 
