@@ -1,6 +1,6 @@
 """Every parameter of a replay in one frozen, validated object, and the one way to name and set them.
 
-A name is that of METHOD (``omega``, ``n_new``, ...) for parameters of the mapper and ``section.name`` for the
+A name is the bare one (``omega``, ``n_new``, ...) for parameters of the mapper and ``section.name`` for the
 others (``hog.bins``, ``imaging.rows``). The command line (``--set``), TOML files (``--config``) and ablation axes
 all go through `resolve`.
 """

@@ -59,8 +59,9 @@ class OrientationStore:
             equally good ones.
         """
         cells = self._descriptors.shape[1]
-        products = np.einsum("mfb,fb->mf", self._spectra[others].conj(), self._spectra[query])
-        correlation = irfft(products, cells, axis=1)
+        # conj(Q) K instead of Q conj(K): then only the small result has to be conjugated.
+        products = np.einsum("mfb,fb->mf", self._spectra[others], self._spectra[query].conj())
+        correlation = irfft(products.conj(), cells, axis=1)
         scale = self._squares[query] + self._squares[others]
         # Rounding must not choose among shifts that are equally good.
         best = correlation.max(axis=1) - _ROUNDING * scale

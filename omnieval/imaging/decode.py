@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from omnieval.errors import DatasetError
 
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # a broken image is reported once, by us
+# A broken image is reported once, by us, and not by OpenCV as well. OpenCV 5 has moved the function.
+_set_log_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLevel
+_set_log_level(0)
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 

@@ -77,6 +77,7 @@ def count_transitions(labels: NDArray[np.int64]) -> dict[tuple[int, int], int]:
         (lower node, higher node) -> number of passages in either direction, keys ascending.
     """
     assigned = labels[labels > 0]
-    pairs = np.sort(np.stack([assigned[:-1], assigned[1:]], axis=1), axis=1)
-    edges, counts = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0, return_counts=True)
+    passages = np.flatnonzero(assigned[:-1] != assigned[1:])
+    pairs = np.sort(np.stack([assigned[passages], assigned[passages + 1]], axis=1), axis=1)
+    edges, counts = np.unique(pairs, axis=0, return_counts=True)
     return {(int(a), int(b)): int(count) for (a, b), count in zip(edges, counts, strict=True)}

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from omnieval.recording import layout
 
-_NAMESPACE = uuid.uuid5(uuid.NAMESPACE_URL, "https://rerun.io/blueprint/omnieval")
+_NAMESPACE = uuid.uuid5(uuid.NAMESPACE_OID, layout.APPLICATION_ID)
 _Corner = Literal["LeftTop", "LeftBottom"]
 
 _MAP_ASPECT = 1.7
@@ -81,8 +81,8 @@ def _places(extent: tuple[float, float, float, float] | None) -> rrb.Container:
     graph = rrb.GraphView(
         origin=layout.GRAPH,
         name="Topological graph",
-        force_link=rrb.archetypes.ForceLink(distance=70.0),
-        force_many_body=rrb.archetypes.ForceManyBody(strength=-80.0),
+        force_link=rrb.archetypes.ForceLink(distance=48.0),
+        force_many_body=rrb.archetypes.ForceManyBody(strength=-60.0),
         force_collision_radius=rrb.archetypes.ForceCollisionRadius(enabled=True, strength=1.0),
         force_position=rrb.archetypes.ForcePosition(enabled=True, strength=0.03, position=(0.0, 0.0)),
     )

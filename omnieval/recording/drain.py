@@ -7,13 +7,22 @@ error remembered here.
 
 from __future__ import annotations
 
+import array
 import os
+import select
+import sys
 import threading
+import time
 from pathlib import Path
 
 from omnieval.errors import ResultError
 
+if sys.platform != "win32":
+    import fcntl
+    import termios
+
 _BLOCK = 1 << 16
+_POLL_SECONDS = 0.001
 _PIPES = Path("/dev/fd").is_dir()
 """Whether a pipe can be opened by name; where it cannot (Windows), Rerun writes the partial file itself."""
 
@@ -43,6 +52,7 @@ class PipedFile:
             raise ResultError(
                 f"cannot record to {path}: {error.strerror or error}; choose a folder that exists and is writable"
             ) from error
+        self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._read_end = self._write_end = -1
         if _PIPES:
@@ -63,6 +73,14 @@ class PipedFile:
             os.close(self._write_end)
             self._write_end = -1
 
+    def settle(self) -> None:
+        """Wait until all that was written to the pipe is in the file, where it survives this process."""
+        while self._thread is not None and self._thread.is_alive():
+            with self._lock:
+                if not self._unread():
+                    return
+            time.sleep(_POLL_SECONDS)
+
     def close(self, *, keep: bool) -> None:
         """Wait for the last bytes, and give the file its name if it is to be kept and nothing failed."""
         self.opened()
@@ -76,12 +94,26 @@ class PipedFile:
 
     def _drain(self) -> None:
         try:
-            while block := os.read(self._read_end, _BLOCK):
-                self._write(block)
+            while self._pass_on():
+                pass
             self._sync()
         finally:
             os.close(self._read_end)
             os.close(self._file)
+
+    def _pass_on(self) -> bool:
+        """Move a block from the pipe to the file; False at the end."""
+        select.select([self._read_end], [], [])  # wait outside the lock, which `settle` needs
+        with self._lock:
+            block = os.read(self._read_end, _BLOCK)
+            self._write(block)
+        return bool(block)
+
+    def _unread(self) -> int:
+        """Return the number of bytes waiting in the pipe."""
+        count = array.array("i", [0])
+        fcntl.ioctl(self._read_end, termios.FIONREAD, count)
+        return count[0]
 
     def _write(self, block: bytes) -> None:
         """Write a block; after an error the pipe is still read, so that nobody waits for it."""

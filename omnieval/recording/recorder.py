@@ -96,7 +96,7 @@ class Recorder:
     def finish(self, final: FinalMap | None, description: str) -> None:
         """Record what the run has come to: the page with metrics and, unless it was cut short, the final map."""
         self._stream.static(layout.PAGE, rr.TextDocument(description, media_type=rr.MediaType.MARKDOWN))
-        if final is None:
+        if final is None or self._stream.ended:
             return
         end = len(final.labels)
         self._stream.begin(end, None)

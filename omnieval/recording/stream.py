@@ -57,8 +57,8 @@ class Stream:
         self._flush_steps = FLUSH_STEPS if viewer is None else LIVE_FLUSH_STEPS
         self._times: list[tuple[int, int | None]] = []
         self._rows: dict[str, list[tuple[int, Row]]] = {}
-        self._file = PipedFile(path) if path is not None else None
         self._rerun = _new_recording(recording_id)
+        self._file = PipedFile(path) if path is not None else None
         try:
             with _strict():
                 self._rerun.set_sinks(*self._sinks(), default_blueprint=blueprint)
@@ -143,6 +143,7 @@ class Stream:
         except RuntimeError as error:
             self._fail(error, ended=self._file is None)
         if self._file is not None:
+            self._file.settle()
             self._note_file_error(self._file)
 
     def _note_file_error(self, file: PipedFile) -> None:
@@ -183,6 +184,8 @@ def _new_recording(recording_id: str) -> rr.RecordingStream:
         send_properties=False,
         batcher_config=rr.ChunkBatcherConfig(flush_tick=3600.0),
     )
+    if not rr.is_enabled(recording):
+        raise ResultError("Rerun is switched off by the environment variable RERUN; unset it to record")
     recording.set_log_time_enabled(False)
     return recording
 

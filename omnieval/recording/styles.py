@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import rerun as rr
 
 from omnieval.recording import layout
@@ -19,9 +20,9 @@ def lane_state(node: int | None) -> str:
 def styles(steps: int) -> list[tuple[str, Style]]:
     """Return how every entity of a recording of `steps` images is drawn; static data."""
     nodes = range(layout.most_nodes(steps) + 1)
-    colors = [layout.node_color(node) for node in nodes]
+    colors = np.array([layout.node_color(node) for node in nodes], np.uint32)
     infos = [
-        rr.AnnotationInfo(id=node, label=lane_state(node), color=color)
+        rr.AnnotationInfo(id=node, label=lane_state(node), color=int(color))
         for node, color in zip(nodes, colors, strict=True)
     ]
     lane = rr.StateConfiguration(values=[lane_state(node) for node in nodes], colors=colors)

@@ -27,6 +27,9 @@ _SETTLE_SECONDS = 2.0
 _POLL_SECONDS = 0.1
 _DEFAULT_PORT = 9876
 
+_LAUNCHED: list[subprocess.Popen[bytes]] = []
+"""Viewers go on without us; Python would complain of a process that is forgotten while it runs."""
+
 
 def open_viewer(paths: Sequence[Path]) -> None:
     """Open recordings in a viewer that outlives this process.
@@ -114,7 +117,7 @@ def check_recording(path: Path) -> int:
 def _launch(arguments: Sequence[str], output: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start the viewer in a session of its own; what it says goes to `output`, to explain a failed start."""
     try:
-        return subprocess.Popen(
+        viewer = subprocess.Popen(
             [str(_viewer_binary()), "--bind", _LOOPBACK, *arguments],
             stdin=subprocess.DEVNULL,
             stdout=output,
@@ -124,6 +127,8 @@ def _launch(arguments: Sequence[str], output: IO[bytes]) -> subprocess.Popen[byt
         )
     except OSError as error:
         raise OmnievalError(f"cannot start the viewer: {error.strerror or error}; reinstall rerun-sdk") from error
+    _LAUNCHED.append(viewer)
+    return viewer
 
 
 def _let_fail(viewer: subprocess.Popen[bytes], output: IO[bytes], *, seconds: float) -> None:

@@ -81,7 +81,7 @@ def test_a_map_of_less_than_two_nodes_has_no_transitions(labels):
 
 @given(st.lists(st.integers(0, 5), max_size=300))
 def test_transitions_count_what_a_walk_along_the_labels_counts(labels):
-    counts = {}
+    counts: dict[tuple[int, int], int] = {}
     previous = 0
     for label in labels:
         if label and previous and label != previous:

@@ -112,7 +112,7 @@ def test_every_replay_is_consistent(world: World, config: MapperConfig) -> None:
 
 
 def assert_step_is_consistent(step: Step, previous: Step | None, config: MapperConfig) -> None:
-    """One step against its own evidence, by the definitions of METHOD.md."""
+    """One step against its own evidence, by the definitions of the method."""
     refused = step.verdict in {Verdict.NO_CANDIDATE, Verdict.PROMINENCE, Verdict.CENTROID}
     if step.gate is None:
         assert step.verdict is Verdict.INITIAL

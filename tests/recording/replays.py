@@ -1,6 +1,8 @@
 """A small made-up replay in which everything happens that a recording has to show."""
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,6 +20,7 @@ from omnieval.mapping.step import (
     Verdict,
 )
 from omnieval.recording.records import RecordingInfo, StepImages, StepView
+from omnieval.recording.rows import Row
 
 GAMMA = 5.0
 CELLS = 256
@@ -76,7 +79,7 @@ def steps(count):
 
 
 def _initial(frame):
-    events = ()
+    events: tuple[NodeEvent, ...] = ()
     if frame == N_INIT - 1:
         created = NodeEvent(EventKind.CREATED, 1, frames=tuple(range(N_INIT)))
         events = (created, NodeEvent(EventKind.ACTIVATED, 1))
@@ -106,6 +109,11 @@ def _later(frame):
         events = (created, NodeEvent(EventKind.MERGED, node, into=1))
         return step(frame, Verdict.NO_CANDIDATE, 1, gate=far, run=run, events=events)
     return step(frame, Verdict.NO_CANDIDATE, node, gate=far, run=run, events=(created,), pending=1)
+
+
+def by_entity(rows: Iterable[tuple[str, Row]]) -> dict[str, Any]:
+    """Rows by entity; of whatever kind the entity shows."""
+    return dict(rows)
 
 
 def view(a_step, *, poses=True, room=True, silhouette=0.25):

@@ -20,7 +20,7 @@ from omnieval.recording.evidence import (
     prominence_level,
     word_rows,
 )
-from tests.recording.replays import GAMMA, match, step, steps, view
+from tests.recording.replays import GAMMA, by_entity, match, step, steps, view
 
 
 @given(st.integers(1, 5000), st.integers(0, 2**32 - 1))
@@ -48,7 +48,7 @@ def test_the_peak_passes_the_drawn_threshold_iff_it_is_prominent_enough(prominen
 
 
 def test_three_curves_are_drawn_with_best_candidate_and_threshold():
-    rows = dict(curve_rows(match(40, best=7), GAMMA))
+    rows = by_entity(curve_rows(match(40, best=7), GAMMA))
     assert len(rows) == 7
     for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
         assert rows[f"{curve}/curve"].heights.max() == 1.0
@@ -58,17 +58,17 @@ def test_three_curves_are_drawn_with_best_candidate_and_threshold():
 
 
 def test_no_threshold_is_drawn_where_nothing_is_compared():
-    rows = dict(curve_rows(match(40, peaks=1), GAMMA))
+    rows = by_entity(curve_rows(match(40, peaks=1), GAMMA))
     assert len(rows[f"{layout.SIMILARITY}/threshold"].heights) == 0
 
 
 def test_without_a_match_the_curves_are_cleared():
-    assert all(len(row.heights) == 0 for _, row in curve_rows(None, GAMMA))
+    assert all(len(row.heights) == 0 for row in by_entity(curve_rows(None, GAMMA)).values())
 
 
 def test_every_active_node_has_a_bar_at_its_number():
     gate = NodeGate(2.0, np.array([1, 4, 9]), np.array([0.5, 2.5, 1e9]))
-    rows = dict(gate_rows(gate))
+    rows = by_entity(gate_rows(gate))
     assert rows["/gate/candidates"].left.tolist() == [0.6]
     assert rows["/gate/refused"].left.tolist() == [3.6, 8.6]
     assert rows["/gate/refused"].heights.tolist() == [2.5, 2.0 * GATE_CEILING]
@@ -76,7 +76,7 @@ def test_every_active_node_has_a_bar_at_its_number():
 
 
 def test_without_a_gate_the_bars_are_cleared():
-    assert all(len(row.heights) == 0 for _, row in gate_rows(None))
+    assert all(len(row.heights) == 0 for row in by_entity(gate_rows(None)).values())
 
 
 def test_plots_carry_the_compared_values():
@@ -88,7 +88,7 @@ def test_plots_carry_the_compared_values():
         match=match(30, prominence=8.0, mean=2.0),
         centroid=Centroid(0.01, 0.02),
     )
-    values = {entity: row.value for entity, row in plot_rows(view(decided), GAMMA)}
+    values = {entity: row.value for entity, row in by_entity(plot_rows(view(decided), GAMMA)).items()}
     assert values["/plot/prominence/ratio"] == 4.0
     assert values["/plot/prominence/gamma"] == GAMMA
     assert (values["/plot/gate/nearest"], values["/plot/gate/x"]) == (0.5, 1.85)
@@ -97,7 +97,7 @@ def test_plots_carry_the_compared_values():
 
 
 def test_what_was_not_reached_interrupts_the_line():
-    rows = dict(plot_rows(view(step(0, Verdict.INITIAL, 1), silhouette=None), GAMMA))
+    rows = by_entity(plot_rows(view(step(0, Verdict.INITIAL, 1), silhouette=None), GAMMA))
     missing = {entity for entity, row in rows.items() if math.isnan(row.value)}
     assert missing == {
         "/plot/gate/nearest",
@@ -116,12 +116,12 @@ def test_plots_have_a_style_for_every_line():
 
 def test_an_infinite_ratio_is_not_drawn():
     endless = dataclasses.replace(match(30), prominence_mean=0.0)
-    rows = dict(plot_rows(view(step(9, Verdict.ASSIGNED, 1, match=endless)), GAMMA))
+    rows = by_entity(plot_rows(view(step(9, Verdict.ASSIGNED, 1, match=endless)), GAMMA))
     assert math.isnan(rows["/plot/prominence/ratio"].value)
 
 
 def test_refusals_stand_out_in_the_log():
-    levels = {decided.verdict: word_rows(decided, GAMMA)[0][1].level for decided in steps(30)}
+    levels = {decided.verdict: by_entity(word_rows(decided, GAMMA))[layout.LOG_DECISION].level for decided in steps(30)}
     refused = {verdict for verdict, level in levels.items() if level == "WARN"}
     assert refused == {Verdict.NO_CANDIDATE, Verdict.PROMINENCE, Verdict.CENTROID}
 

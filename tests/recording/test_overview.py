@@ -1,11 +1,14 @@
 """The map from above shows every image, at every step, without growing with the square of the steps."""
 
+import dataclasses
+import itertools
+
 import numpy as np
 
 from omnieval.mapping.partition import Partition
 from omnieval.recording import layout
 from omnieval.recording.overview import Overview, node_rows, topological_graph
-from tests.recording.replays import steps, view
+from tests.recording.replays import by_entity, steps, view
 
 
 def follow(count, **options):
@@ -13,7 +16,7 @@ def follow(count, **options):
     partition, overview = Partition(), Overview()
     for step in steps(count):
         partition.apply(step)
-        yield partition, dict(overview.rows(view(step, **options), partition))
+        yield partition, by_entity(overview.rows(view(step, **options), partition))
 
 
 def test_drawn_images_and_recent_ones_are_all_images_in_their_current_colours():
@@ -29,12 +32,11 @@ def test_quiet_stretches_redraw_the_map_rarely():
     partition, overview = Partition(), Overview()
     points = 0
     for quiet in (step for step in steps(4000) if not step.events):
-        moved = view(quiet)
-        object.__setattr__(quiet, "frame", len(partition.labels))
-        partition.apply(quiet)
+        step = dataclasses.replace(quiet, frame=len(partition.labels))
+        partition.apply(step)
         points += sum(
             len(row.classes)
-            for entity, row in overview.rows(moved, partition)
+            for entity, row in by_entity(overview.rows(view(step), partition)).items()
             if entity in {layout.MAP_IMAGES, layout.MAP_RECENT}
         )
     count = len(partition.labels)
@@ -44,7 +46,7 @@ def test_quiet_stretches_redraw_the_map_rarely():
 def test_nodes_stand_at_the_mean_of_their_images_and_transitions_join_them():
     labels = np.array([1, 1, 0, 2])
     positions = np.array([[0.0, 0.0], [2.0, 0.0], [9.0, 9.0], [4.0, 4.0]])
-    rows = dict(node_rows(labels, positions, frozenset({1})))
+    rows = by_entity(node_rows(labels, positions, frozenset({1})))
     nodes = rows[layout.MAP_NODES]
     assert nodes.positions.tolist() == [[1.0, 0.0], [4.0, 4.0]]
     assert nodes.labels == ("1", "(2)")
@@ -53,7 +55,7 @@ def test_nodes_stand_at_the_mean_of_their_images_and_transitions_join_them():
 
 def test_an_image_without_position_does_not_move_its_node():
     positions = np.array([[0.0, 0.0], [np.nan, np.nan], [2.0, 0.0]])
-    rows = dict(node_rows(np.array([1, 1, 1]), positions, frozenset()))
+    rows = by_entity(node_rows(np.array([1, 1, 1]), positions, frozenset()))
     assert rows[layout.MAP_NODES].positions.tolist() == [[1.0, 0.0]]
 
 
@@ -69,7 +71,7 @@ def test_without_poses_only_the_graph_is_drawn():
 
 def test_the_graph_is_logged_when_it_changes():
     graphs = [rows[layout.GRAPH] for _, rows in follow(200) if layout.GRAPH in rows]
-    assert all(before != after for before, after in zip(graphs, graphs[1:], strict=False))
+    assert all(before != after for before, after in itertools.pairwise(graphs))
     assert len(graphs) < 60
 
 

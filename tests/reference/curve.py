@@ -1,4 +1,4 @@
-"""Image-level loop closure of METHOD.md section 4 in plain loops: similarities, peaks and prominences."""
+"""Image-level loop closure in plain loops: similarities, peaks and prominences."""
 
 from __future__ import annotations
 

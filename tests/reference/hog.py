@@ -1,4 +1,4 @@
-"""HOG of METHOD.md section 2, pixel by pixel: the oracle of `omnieval.descriptors`."""
+"""HOG pixel by pixel: the oracle of `omnieval.descriptors`."""
 
 from __future__ import annotations
 

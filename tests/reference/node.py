@@ -1,4 +1,4 @@
-"""The node model of METHOD.md section 3, fitted from scratch, with explicit matrices and float64 everywhere."""
+"""The node model, fitted from scratch, with explicit matrices and float64 everywhere."""
 
 from __future__ import annotations
 

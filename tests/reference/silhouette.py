@@ -1,4 +1,4 @@
-"""The four silhouettes of METHOD.md section 6 in plain loops: the oracle of `omnieval.metrics`."""
+"""The four silhouettes in plain loops: the oracle of `omnieval.metrics`."""
 
 from __future__ import annotations
 

@@ -1,0 +1,302 @@
+"""A recording holds every step, in one layout, and never stands in the way of the replay."""
+
+import os
+from pathlib import Path
+
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from omnieval.errors import ConfigError, ResultError
+from omnieval.mapping.step import Verdict
+from omnieval.recording import layout
+from omnieval.recording.digest import digest
+from omnieval.recording.recorder import Recorder
+from omnieval.recording.records import RecordingOptions
+from omnieval.recording.view import check_recording
+from tests.recording.readback import column, rows_per_entity, static_entities
+from tests.recording.replays import final, images, info, picture, step, steps, view
+
+COUNT = 120
+
+EVERY_STEP = {layout.LOG_DECISION, layout.MAP_RECENT, layout.MAP_ROBOT, layout.MAP_HEADING, layout.MAP_NODES} | set(
+    layout.SERIES
+)
+PICTURES = {layout.PANORAMA, layout.OMNIDIRECTIONAL, layout.BEST_MATCH}
+CURVES = {
+    *(
+        f"{curve}/{part}"
+        for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION)
+        for part in ("curve", "best")
+    ),
+    f"{layout.SIMILARITY}/threshold",
+    f"{layout.GATE}/candidates",
+    f"{layout.GATE}/refused",
+    f"{layout.GATE}/threshold",
+}
+
+
+def record(path, *, count=COUNT, options=None, pictures=True, finished=True, changes=None, **surroundings):
+    """Record a made-up replay of `count` steps."""
+    with Recorder(path, info(count, **(changes or {})), options) as recorder:
+        for a_step in steps(count):
+            wanted = pictures and recorder.wants_images(a_step.frame)
+            recorder.log(view(a_step, **surroundings), images=images(a_step) if wanted else None)
+        if finished:
+            recorder.finish(final([1] * (count - 1) + [2]), "# made-up\n\nafter")
+    return recorder
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording") / "replay.rrd"
+    assert record(path).failure is None
+    return path
+
+
+def test_every_step_is_there(recorded):
+    rows = rows_per_entity(recorded)
+    assert check_recording(recorded) == COUNT
+    for entity in (EVERY_STEP | PICTURES | CURVES) - {layout.MAP_RECENT, layout.MAP_NODES}:
+        assert rows[entity] == COUNT, entity
+    assert rows[layout.MAP_RECENT] == rows[layout.MAP_NODES] == COUNT + 1  # the final map
+
+
+def test_events_and_changes_are_there_when_they_happen(recorded):
+    rows = rows_per_entity(recorded)
+    replay = steps(COUNT)
+    assert rows[layout.LOG_EVENT] == sum(len(a_step.events) for a_step in replay) + 1  # the final map
+    rooms = column(recorded, layout.LANE_ROOM, "StateChange:state")
+    assert rooms == {0: ["KT"], 30: ["LR"], 60: ["KT"], 90: ["LR"]}
+    lane = column(recorded, layout.LANE_NODE, "StateChange:state")
+    assert [lane[frame] for frame in (0, 20, 23, 24, 29)] == [["1"], ["unassigned"], ["1"], ["unassigned"], ["2"]]
+    assert column(recorded, layout.LANE_FINAL, "StateChange:state") == {0: ["1"], COUNT - 1: ["2"]}
+
+
+def test_words_in_the_recording_give_the_reason(recorded):
+    said = column(recorded, layout.LOG_DECISION, "TextLog:text")
+    assert said[20] == ["refused: prominence 3.1 x mean < 5"]
+    assert said[24] == ["no candidate: nearest node 1 at 2.31 > x = 1.85"]
+    assert column(recorded, layout.LOG_EVENT, "TextLog:text")[29] == ["created node 2 from images 24-29"]
+
+
+def test_numbers_in_the_recording_are_those_of_the_step(recorded):
+    prominence = column(recorded, "/plot/prominence/ratio", "Scalars:scalars")
+    assert prominence[20] == [3.1]
+    assert prominence[15] == [8.0]
+
+
+def test_the_layout_is_the_same_whatever_the_run(recorded, tmp_path):
+    other = tmp_path / "other.rrd"
+    record(other, count=45, options=RecordingOptions(every=3), changes={"name": "elsewhere", "gamma": 2.0, "cells": 64})
+    assert set(rows_per_entity(other)) == set(rows_per_entity(recorded))
+    assert static_entities(other) == static_entities(recorded)
+    ids = {entry.application_id for path in (other, recorded) for entry in RrdReader(path).recordings()}
+    assert ids == {layout.APPLICATION_ID}
+
+
+def test_the_page_ends_with_the_metrics_and_begins_with_the_configuration(recorded, tmp_path):
+    assert list(column(recorded, layout.PAGE, "TextDocument:text").values()) == [["# made-up\n\nafter"]]
+    cut_short = tmp_path / "cut.rrd"
+    record(cut_short, finished=False)
+    assert list(column(cut_short, layout.PAGE, "TextDocument:text").values()) == [["# made-up\n\nbefore"]]
+
+
+def test_the_recording_brings_its_blueprint_and_says_what_it_is(recorded):
+    reader = RrdReader(recorded)
+    assert len(reader.blueprints()) == 1
+    assert [entry.recording_id for entry in reader.recordings()] == ["a-run"]
+    assert list(column(recorded, "/__properties", "RecordingInfo:name").values()) == [["made-up - hog"]]
+    assert list(column(recorded, "/__properties/run", "omega").values()) == [["2.0"]]
+
+
+def test_equal_replays_have_equal_digests_though_not_equal_bytes(recorded, tmp_path):
+    again = tmp_path / "again.rrd"
+    record(again, changes={"recording_id": "another-run"})
+    assert digest(again) == digest(recorded)
+    assert again.read_bytes() != recorded.read_bytes()
+
+
+def test_measured_times_do_not_change_the_digest_but_one_decision_does(recorded, tmp_path):
+    def replay(path, replay_steps, milliseconds):
+        with Recorder(path, info(len(replay_steps))) as recorder:
+            for a_step in replay_steps:
+                a_view = view(a_step)
+                object.__setattr__(a_view, "milliseconds", milliseconds)
+                recorder.log(a_view)
+        return digest(path)
+
+    usual = steps(40)
+    other = [*usual[:-1], step(39, Verdict.ASSIGNED, 1)]
+    assert replay(tmp_path / "a.rrd", usual, 1.0) == replay(tmp_path / "b.rrd", usual, 9.0)
+    assert replay(tmp_path / "a.rrd", usual, 1.0) != replay(tmp_path / "c.rrd", other, 1.0)
+
+
+def test_a_step_with_pictures_takes_at_most_60_kilobytes(tmp_path):
+    path = tmp_path / "replay.rrd"
+    replay = steps(40)
+    with Recorder(path, info(len(replay))) as recorder:
+        for a_step in replay:
+            recorder.log(view(a_step), images=images(a_step, shape=(128, 512, 3), omnidirectional=(480, 640, 3)))
+    assert 10_000 < path.stat().st_size / len(replay) <= 60_000
+
+
+def test_without_pictures_a_step_takes_little(tmp_path):
+    path = tmp_path / "replay.rrd"
+    record(path, count=400, options=RecordingOptions(images=False))
+    assert path.stat().st_size / 400 < 6_000
+
+
+def test_pictures_can_be_left_out(tmp_path):
+    path = tmp_path / "replay.rrd"
+    recorder = record(path, options=RecordingOptions(images=False))
+    assert not recorder.wants_images(0)
+    rows = rows_per_entity(path)
+    assert not PICTURES & set(rows)
+    assert all(rows[entity] == COUNT for entity in CURVES)
+
+
+def test_pictures_that_are_not_wanted_are_not_recorded_even_if_given(tmp_path):
+    path = tmp_path / "replay.rrd"
+    with Recorder(path, info(2), RecordingOptions(images=False)) as recorder:
+        for a_step in steps(2):
+            recorder.log(view(a_step), images=images(a_step))
+    assert not PICTURES & set(rows_per_entity(path))
+
+
+def test_every_kth_picture_and_curve_but_every_number_and_word(tmp_path):
+    path = tmp_path / "replay.rrd"
+    record(path, options=RecordingOptions(every=7))
+    rows = rows_per_entity(path)
+    assert all(rows[entity] == len(range(0, COUNT, 7)) for entity in PICTURES | CURVES)
+    assert all(rows[entity] == COUNT for entity in {layout.LOG_DECISION} | set(layout.SERIES))
+
+
+def test_without_poses_rooms_and_times_the_rest_is_complete(tmp_path):
+    path = tmp_path / "replay.rrd"
+    recorder = record(path, poses=False, room=False, silhouette=None, changes={"extent": None})
+    assert recorder.failure is None
+    rows = rows_per_entity(path)
+    missing = {layout.MAP_ROBOT, layout.MAP_HEADING, layout.MAP_TRAIL, layout.MAP_MATCH, layout.MAP_NODES}
+    missing |= {layout.MAP_TRANSITIONS, layout.LANE_ROOM}
+    assert not missing & set(rows)
+    assert all(rows[entity] == COUNT for entity in (EVERY_STEP | PICTURES | CURVES) - missing - {layout.MAP_RECENT})
+    assert rows[layout.GRAPH] > 1
+    assert rows_per_entity(path, layout.CAPTURE) == {}
+
+
+def test_panoramic_input_has_no_omnidirectional_image(tmp_path):
+    path = tmp_path / "replay.rrd"
+    with Recorder(path, info(3)) as recorder:
+        for a_step in steps(3):
+            recorder.log(view(a_step), images=images(a_step, omnidirectional=None))
+    rows = rows_per_entity(path)
+    assert layout.PANORAMA in rows
+    assert layout.OMNIDIRECTIONAL not in rows
+
+
+def test_the_match_is_cleared_when_there_is_none(recorded):
+    blobs = column(recorded, layout.BEST_MATCH, "EncodedImage:blob")
+    assert blobs[24] == []
+    assert len(blobs[15]) == 1
+
+
+def test_mixed_capture_times_are_kept_where_known(tmp_path):
+    path = tmp_path / "replay.rrd"
+    with Recorder(path, info(30)) as recorder:
+        for a_step in steps(30):
+            recorder.log(view(a_step, poses=a_step.frame % 2 == 0))
+    assert rows_per_entity(path)[layout.LOG_DECISION] == 30
+    assert rows_per_entity(path, layout.CAPTURE)[layout.LOG_DECISION] == 15
+
+
+def test_the_file_has_its_name_only_when_it_is_whole(tmp_path):
+    path, partial = tmp_path / "replay.rrd", tmp_path / "replay.partial.rrd"
+    recorder = Recorder(path, info(60))
+    for a_step in steps(60):
+        recorder.log(view(a_step))
+    assert partial.exists()
+    assert not path.exists()
+    recorder.close()
+    recorder.close()
+    assert path.exists()
+    assert not partial.exists()
+
+
+def test_a_replay_that_was_interrupted_leaves_a_whole_recording_of_its_steps(tmp_path):
+    path = tmp_path / "replay.rrd"
+
+    def interrupted():
+        with Recorder(path, info(60)) as recorder:
+            for a_step in steps(7):
+                recorder.log(view(a_step))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert check_recording(path) == 7
+
+
+def test_strictness_towards_rerun_is_nobody_elses_business(tmp_path):
+    before = rr.strict_mode()
+    record(tmp_path / "replay.rrd", count=12)
+    assert rr.strict_mode() == before
+
+
+@pytest.mark.parametrize("name", ["missing/replay.rrd", "."])
+def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path, name):
+    with pytest.raises(ResultError, match="cannot record to"):
+        Recorder(tmp_path / name, info(5))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path):
+    (tmp_path / "replay.partial.rrd").symlink_to("/dev/full")
+    with Recorder(tmp_path / "replay.rrd", info(COUNT)) as recorder:
+        for a_step in steps(COUNT):
+            recorder.log(view(a_step), images=images(a_step) if recorder.wants_images(a_step.frame) else None)
+        assert not recorder.wants_images(0)
+        recorder.finish(final([1] * COUNT), "after")
+    assert recorder.failure is not None
+    assert os.strerror(28) in recorder.failure
+    assert not (tmp_path / "replay.rrd").exists()
+
+
+def test_what_rerun_cannot_take_ends_the_recording_and_nothing_else(tmp_path):
+    bad = view(steps(1)[0])
+    object.__setattr__(bad, "room", "\udcff")  # a file name that is no text
+    with Recorder(tmp_path / "bad.rrd", info(COUNT)) as recorder:
+        recorder.log(bad)
+    assert recorder.failure is not None
+    assert recorder.failure.startswith("recording stopped: ")
+    assert not (tmp_path / "bad.rrd").exists()
+
+
+def test_steps_are_recorded_in_order(tmp_path):
+    with Recorder(tmp_path / "replay.rrd", info(5)) as recorder, pytest.raises(ValueError, match="expected frame 0"):
+        recorder.log(view(steps(5)[3]))
+
+
+@pytest.mark.parametrize(
+    ("options", "wrong"),
+    [({"every": 0}, "at least 1"), ({"spawn": True, "connect": "rerun+http://127.0.0.1:9/proxy"}, "choose")],
+)
+def test_options_that_contradict_are_refused(options, wrong):
+    with pytest.raises(ConfigError, match=wrong):
+        RecordingOptions(**options)
+
+
+def test_a_recording_needs_somewhere_to_go():
+    with pytest.raises(ResultError, match="somewhere to go"):
+        Recorder(None, info(5))
+
+
+def test_a_rerun_that_is_switched_off_is_not_taken_for_a_recording(tmp_path, monkeypatch):
+    monkeypatch.setenv("RERUN", "off")
+    with pytest.raises(ResultError, match="switched off"):
+        Recorder(tmp_path / "replay.rrd", info(5))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_of_the_helpers_is_as_detailed_as_a_photograph():
+    assert picture((128, 512, 3), 0).std() > 30
