@@ -11,7 +11,6 @@ from pathlib import Path
 from omnieval.config import Config
 from omnieval.datasets.sequence import Frame
 from omnieval.errors import DatasetError
-from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import FinalMap, Step
 from omnieval.material import Material
 from omnieval.metrics.evaluation import Evaluation
@@ -46,7 +45,6 @@ class RecordingSink:
     def __init__(self, path: Path | None, material: Material, config: Config, options: RecordingOptions) -> None:
         self._pictures = material.pictures if options.images else None
         self._silhouette = SilhouetteSoFar(material.positions) if material.positions is not None else None
-        self._partition = Partition()
         self._page = configuration_page(material.name, material.source, config.mapper.model_dump(mode="json"))
         self._picture_failure: str | None = None
         self._recorder = Recorder(path, _info(material, config, self._page), options)
@@ -58,7 +56,6 @@ class RecordingSink:
 
     def step(self, step: Step, frame: Frame, milliseconds: float) -> None:
         """Record a step."""
-        self._partition.apply(step)
         pose = frame.pose
         view = StepView(
             step=step,
@@ -68,7 +65,6 @@ class RecordingSink:
             room=frame.room,
             time_ns=frame.time_ns,
             silhouette=self._silhouette.apply(step) if self._silhouette else None,
-            unassigned=float((self._partition.labels == 0).mean()),
         )
         self._recorder.log(view, images=self._images(step))
 

@@ -6,13 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.datasets.images import is_truncated
 from omnieval.errors import DatasetError
-
-# A broken image is reported once, by us, and not by OpenCV as well. OpenCV 5 has moved the function.
-_set_log_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLevel
-_set_log_level(0)
-
-_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 
 def decode_grey(data: bytes, where: str) -> NDArray[np.uint8]:
@@ -41,10 +36,13 @@ def decode_colour(data: bytes, where: str) -> NDArray[np.uint8]:
 def _decode(data: bytes, where: str, flags: int) -> NDArray[np.uint8]:
     if not data:
         raise DatasetError(f"image {where} is empty (0 bytes); remove or replace it")
-    # A JPEG cut short still decodes, its missing part grey, which would silently change every descriptor.
-    if data.startswith(_JPEG_START) and _JPEG_END not in data[-1024:]:
+    # A file cut short may still decode, its missing part grey, which would silently change every descriptor.
+    if is_truncated(data):
         raise DatasetError(f"image {where} is truncated; remove or replace it")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:  # what one release of OpenCV answers with None, another raises
+        image = None
     if image is None:
         raise DatasetError(f"{where} is not an image that can be decoded; remove or replace it")
     return image.astype(np.uint8, copy=False)

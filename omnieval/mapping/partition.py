@@ -47,6 +47,11 @@ class Partition:
         """The active nodes: those a loop closure can elect."""
         return frozenset(self._active)
 
+    @property
+    def unassigned(self) -> float:
+        """Share of the images so far that belong to no node, 0..1."""
+        return float((self._labels[: self._count] == 0).mean()) if self._count else 0.0
+
     def transitions(self) -> dict[tuple[int, int], int]:
         """Return how often consecutive images lie in different nodes; see `count_transitions`."""
         return count_transitions(self._labels[: self._count])

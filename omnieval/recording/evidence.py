@@ -44,7 +44,7 @@ def word_rows(step: Step, gamma: float) -> list[tuple[str, Row]]:
     return rows
 
 
-def plot_rows(view: StepView, gamma: float) -> list[tuple[str, Row]]:
+def plot_rows(view: StepView, gamma: float, unassigned: float) -> list[tuple[str, Row]]:
     """Return every plot's points at this step; NaN where a condition was not reached."""
     step, match, centroid = view.step, view.step.match, view.step.centroid
     ratios = step.gate.ratios if step.gate is not None else np.zeros(0)
@@ -59,7 +59,7 @@ def plot_rows(view: StepView, gamma: float) -> list[tuple[str, Row]]:
         f"{layout.PLOT_NODES}/active": float(step.active),
         f"{layout.PLOT_NODES}/pending": float(step.pending),
         f"{layout.PLOT_QUALITY}/silhouette": math.nan if view.silhouette is None else view.silhouette,
-        f"{layout.PLOT_QUALITY}/unassigned": view.unassigned,
+        f"{layout.PLOT_QUALITY}/unassigned": unassigned,
         f"{layout.PLOT_COST}/milliseconds": view.milliseconds,
     }
     return [(entity, Scalar(value if math.isfinite(value) else math.nan)) for entity, value in values.items()]

@@ -85,7 +85,7 @@ class Recorder:
         if self._stream.ended:
             return
         self._stream.begin(step.frame, view.time_ns)
-        rows = [*word_rows(step, gamma), *plot_rows(view, gamma), *self._lane_rows(view)]
+        rows = [*word_rows(step, gamma), *plot_rows(view, gamma, self._partition.unassigned), *self._lane_rows(view)]
         rows += self._overview.rows(view, self._partition)
         if self._detailed(step.frame):
             rows += [*gate_rows(step.gate), *curve_rows(step.match, gamma)]

@@ -104,8 +104,6 @@ class StepView:
         Time of capture, nanoseconds since the epoch; None where unknown.
     silhouette
         Silhouette of the map so far; None where it cannot be computed.
-    unassigned
-        Share of the images so far that belong to no node, 0..1.
     """
 
     step: Step
@@ -115,7 +113,6 @@ class StepView:
     room: str | None
     time_ns: int | None
     silhouette: float | None
-    unassigned: float
 
 
 @dataclass(frozen=True)

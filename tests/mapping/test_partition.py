@@ -89,3 +89,12 @@ def test_transitions_count_what_a_walk_along_the_labels_counts(labels):
             counts[edge] = counts.get(edge, 0) + 1
         previous = label or previous
     assert replay(*(label or None for label in labels)).transitions() == counts
+
+
+def test_the_share_unassigned_follows_the_labels() -> None:
+    partition = Partition()
+    assert partition.unassigned == 0.0
+    for frame, node in enumerate([1, 1, None, 2]):
+        verdict = Verdict.NO_CANDIDATE if node is None else Verdict.ASSIGNED
+        partition.apply(Step(frame, verdict, node, None, None, None, 0, (), 1, 0, None))
+    assert partition.unassigned == 0.25

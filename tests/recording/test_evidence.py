@@ -48,7 +48,7 @@ def test_the_peak_passes_the_drawn_threshold_iff_it_is_prominent_enough(prominen
 
 
 def test_three_curves_are_drawn_with_best_candidate_and_threshold():
-    rows = by_entity(curve_rows(match(40, best=7), GAMMA))
+    rows = by_entity(curve_rows(match(40, best=7), GAMMA, 0.25))
     assert len(rows) == 7
     for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
         assert rows[f"{curve}/curve"].heights.max() == 1.0
@@ -58,12 +58,12 @@ def test_three_curves_are_drawn_with_best_candidate_and_threshold():
 
 
 def test_no_threshold_is_drawn_where_nothing_is_compared():
-    rows = by_entity(curve_rows(match(40, peaks=1), GAMMA))
+    rows = by_entity(curve_rows(match(40, peaks=1), GAMMA, 0.25))
     assert len(rows[f"{layout.SIMILARITY}/threshold"].heights) == 0
 
 
 def test_without_a_match_the_curves_are_cleared():
-    assert all(len(row.heights) == 0 for row in by_entity(curve_rows(None, GAMMA)).values())
+    assert all(len(row.heights) == 0 for row in by_entity(curve_rows(None, GAMMA, 0.25)).values())
 
 
 def test_every_active_node_has_a_bar_at_its_number():
@@ -88,16 +88,17 @@ def test_plots_carry_the_compared_values():
         match=match(30, prominence=8.0, mean=2.0),
         centroid=Centroid(0.01, 0.02),
     )
-    values = {entity: row.value for entity, row in by_entity(plot_rows(view(decided), GAMMA)).items()}
+    values = {entity: row.value for entity, row in by_entity(plot_rows(view(decided), GAMMA, 0.125)).items()}
     assert values["/plot/prominence/ratio"] == 4.0
     assert values["/plot/prominence/gamma"] == GAMMA
     assert (values["/plot/gate/nearest"], values["/plot/gate/x"]) == (0.5, 1.85)
     assert (values["/plot/centroid/shift"], values["/plot/centroid/bound"]) == (0.01, 0.02)
     assert values["/plot/quality/silhouette"] == 0.25
+    assert values["/plot/quality/unassigned"] == 0.125
 
 
 def test_what_was_not_reached_interrupts_the_line():
-    rows = by_entity(plot_rows(view(step(0, Verdict.INITIAL, 1), silhouette=None), GAMMA))
+    rows = by_entity(plot_rows(view(step(0, Verdict.INITIAL, 1), silhouette=None), GAMMA, 0.25))
     missing = {entity for entity, row in rows.items() if math.isnan(row.value)}
     assert missing == {
         "/plot/gate/nearest",
@@ -111,17 +112,19 @@ def test_what_was_not_reached_interrupts_the_line():
 
 
 def test_plots_have_a_style_for_every_line():
-    assert {entity for entity, _ in plot_rows(view(steps(1)[0]), GAMMA)} == set(layout.SERIES)
+    assert {entity for entity, _ in plot_rows(view(steps(1)[0]), GAMMA, 0.25)} == set(layout.SERIES)
 
 
 def test_an_infinite_ratio_is_not_drawn():
     endless = dataclasses.replace(match(30), prominence_mean=0.0)
-    rows = by_entity(plot_rows(view(step(9, Verdict.ASSIGNED, 1, match=endless)), GAMMA))
+    rows = by_entity(plot_rows(view(step(9, Verdict.ASSIGNED, 1, match=endless)), GAMMA, 0.25))
     assert math.isnan(rows["/plot/prominence/ratio"].value)
 
 
 def test_refusals_stand_out_in_the_log():
-    levels = {decided.verdict: by_entity(word_rows(decided, GAMMA))[layout.LOG_DECISION].level for decided in steps(30)}
+    levels = {
+        decided.verdict: by_entity(word_rows(decided, GAMMA, 0.25))[layout.LOG_DECISION].level for decided in steps(30)
+    }
     refused = {verdict for verdict, level in levels.items() if level == "WARN"}
     assert refused == {Verdict.NO_CANDIDATE, Verdict.PROMINENCE, Verdict.CENTROID}
 
