@@ -48,7 +48,7 @@ def test_the_peak_passes_the_drawn_threshold_iff_it_is_prominent_enough(prominen
 
 
 def test_three_curves_are_drawn_with_best_candidate_and_threshold():
-    rows = by_entity(curve_rows(match(40, best=7), GAMMA, 0.25))
+    rows = by_entity(curve_rows(match(40, best=7), GAMMA))
     assert len(rows) == 7
     for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
         assert rows[f"{curve}/curve"].heights.max() == 1.0
@@ -58,12 +58,12 @@ def test_three_curves_are_drawn_with_best_candidate_and_threshold():
 
 
 def test_no_threshold_is_drawn_where_nothing_is_compared():
-    rows = by_entity(curve_rows(match(40, peaks=1), GAMMA, 0.25))
+    rows = by_entity(curve_rows(match(40, peaks=1), GAMMA))
     assert len(rows[f"{layout.SIMILARITY}/threshold"].heights) == 0
 
 
 def test_without_a_match_the_curves_are_cleared():
-    assert all(len(row.heights) == 0 for row in by_entity(curve_rows(None, GAMMA, 0.25)).values())
+    assert all(len(row.heights) == 0 for row in by_entity(curve_rows(None, GAMMA)).values())
 
 
 def test_every_active_node_has_a_bar_at_its_number():
@@ -123,7 +123,7 @@ def test_an_infinite_ratio_is_not_drawn():
 
 def test_refusals_stand_out_in_the_log():
     levels = {
-        decided.verdict: by_entity(word_rows(decided, GAMMA, 0.25))[layout.LOG_DECISION].level for decided in steps(30)
+        decided.verdict: by_entity(word_rows(decided, GAMMA))[layout.LOG_DECISION].level for decided in steps(30)
     }
     refused = {verdict for verdict, level in levels.items() if level == "WARN"}
     assert refused == {Verdict.NO_CANDIDATE, Verdict.PROMINENCE, Verdict.CENTROID}
