@@ -24,7 +24,7 @@ class MapperConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     omega: float = Field(
-        2.0, gt=0, le=100, description="floor of the node-level gate x(C) = max(omega, 3.05 - 0.15 C) (Eq. 4)"
+        2.3, gt=0, le=100, description="floor of the node-level gate x(C) = max(omega, 3.05 - 0.15 C) (Eq. 4)"
     )
     merge_y: float = Field(
         1.5,
