@@ -7,7 +7,6 @@ all go through `resolve`.
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from omnieval.descriptors.hog import Hog, HogConfig
 from omnieval.errors import ConfigError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.mapping.config import PRESETS, MapperConfig
+from omnieval.wording import did_you_mean
 
 
 class Config(BaseModel):
@@ -66,13 +66,14 @@ def resolve(settings: Iterable[Setting] = (), *, preset: str | None = None) -> C
         One line that names every unknown name (with the nearest known one) and every invalid value.
     """
     if preset is not None and preset not in PRESETS:
-        raise ConfigError(f"unknown preset {preset!r}{_did_you_mean(preset, PRESETS)}; known: {', '.join(PRESETS)}")
+        raise ConfigError(f"unknown preset {preset!r}; {did_you_mean(preset, PRESETS)}")
     chosen = [Setting(name, value, f"preset {preset}") for name, value in PRESETS[preset or "recommended"].items()]
     chosen += settings
     applied = {_canonical(setting.name): setting for setting in chosen}
     known = parameters()
     faults = [
-        f"unknown parameter {setting.name!r}{_did_you_mean(name, known)} ({setting.origin})"
+        f"unknown parameter {setting.name!r} ({setting.origin}); "
+        f"{did_you_mean(name, known, otherwise='omnieval parameters lists them')}"
         for name, setting in applied.items()
         if name not in known
     ]
@@ -89,8 +90,7 @@ def resolve(settings: Iterable[Setting] = (), *, preset: str | None = None) -> C
     except ValidationError as error:
         raise ConfigError("; ".join(_explain(error, applied))) from error
     if config.descriptor not in DESCRIPTORS:
-        near = _did_you_mean(config.descriptor, DESCRIPTORS)
-        raise ConfigError(f"unknown descriptor {config.descriptor!r}{near}; known: {', '.join(DESCRIPTORS)}")
+        raise ConfigError(f"unknown descriptor {config.descriptor!r}; {did_you_mean(config.descriptor, DESCRIPTORS)}")
     return config
 
 
@@ -187,10 +187,5 @@ def _explain(error: ValidationError, applied: Mapping[str, Setting]) -> Iterator
 
 
 def _expected(field: FieldInfo) -> str:
-    annotation = field.annotation
-    return {float: "a number", int: "a whole number", str: "text"}.get(annotation, "one of its choices")  # type: ignore[arg-type]
-
-
-def _did_you_mean(name: str, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    return f", did you mean {near[0]!r}?" if near else ""
+    names: dict[Any, str] = {float: "a number", int: "a whole number", str: "text"}
+    return names.get(field.annotation, "one of its choices")

@@ -18,8 +18,8 @@ from dataclasses import fields
 from typing import Any, Literal
 
 from omnieval.datasets.sequence import Camera, Mirror
-from omnieval.datasets.wording import did_you_mean, shown
 from omnieval.errors import DatasetError
+from omnieval.wording import did_you_mean, shown
 
 CAMERA_FILE = "camera.toml"
 KINDS: tuple[Literal["panoramic", "omnidirectional"], ...] = ("panoramic", "omnidirectional")

@@ -14,8 +14,8 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from omnieval.datasets.sequence import Mirror
-from omnieval.datasets.wording import did_you_mean
 from omnieval.errors import DatasetError
+from omnieval.wording import did_you_mean
 
 _STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
 

@@ -54,7 +54,7 @@ from omnieval.datasets.images import ImageReport, inspect_image
 from omnieval.datasets.registry import scan
 from omnieval.datasets.scan import ROOT, Finding, Scan
 from omnieval.datasets.sequence import Frame
-from omnieval.datasets.wording import shown
+from omnieval.wording import shown
 
 LENGTH_TOLERANCE = 0.02
 """Relative; publications do not say how they measured the length."""

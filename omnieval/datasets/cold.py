@@ -37,8 +37,8 @@ from omnieval.datasets.scan import (
     visible_names,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
-from omnieval.datasets.wording import safe_name, shown
 from omnieval.errors import DatasetError
+from omnieval.wording import safe_name, shown
 
 OMNI_FOLDER = "omni_cam"
 PLACES_FILE = "localization/places.lst"

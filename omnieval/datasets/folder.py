@@ -33,8 +33,8 @@ from omnieval.datasets.scan import (
     visible_names,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
-from omnieval.datasets.wording import safe_name, shown
 from omnieval.errors import DatasetError
+from omnieval.wording import safe_name, shown
 
 _NO_CAPTURE = Capture(line=0, pose=None, room=None, time_ns=None)
 

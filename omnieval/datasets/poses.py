@@ -19,8 +19,8 @@ from decimal import Decimal, InvalidOperation
 
 from omnieval.datasets.scan import Finding, refusal
 from omnieval.datasets.sequence import Pose
-from omnieval.datasets.wording import did_you_mean, shown
 from omnieval.errors import DatasetError
+from omnieval.wording import did_you_mean, shown
 
 POSES_FILE = "poses.csv"
 REQUIRED_COLUMNS = ("file", "x", "y", "yaw")

@@ -18,8 +18,8 @@ from omnieval.datasets.scan import (
     visible_names,
 )
 from omnieval.datasets.sequence import Sequence
-from omnieval.datasets.wording import did_you_mean, safe_name, shown
 from omnieval.errors import DatasetError
+from omnieval.wording import did_you_mean, safe_name, shown
 
 DEFAULT_SOURCE = "synthetic"
 

@@ -9,8 +9,8 @@ from omnieval.datasets.cold import scan_cold
 from omnieval.datasets.scan import Scan
 from omnieval.datasets.sequence import Camera
 from omnieval.datasets.synthetic import LIGHTS, cached
-from omnieval.datasets.wording import did_you_mean, shown
 from omnieval.errors import DatasetError
+from omnieval.wording import did_you_mean, shown
 
 CARD = "synthetic"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
-from omnieval.datasets.wording import shown
 from omnieval.errors import DatasetError
+from omnieval.wording import shown
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 ROOT = "."

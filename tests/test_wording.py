@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnieval.datasets.wording import did_you_mean, safe_name, shown
+from omnieval.wording import did_you_mean, safe_name, shown
 
 
 @given(st.text())

@@ -15,8 +15,17 @@ def shown(text: str) -> str:
     return text if text.isprintable() else repr(text)[1:-1]
 
 
-def did_you_mean(word: str, options: Iterable[str]) -> str:
+def did_you_mean(word: str, options: Iterable[str], *, otherwise: str | None = None) -> str:
     """Return the hint that ends a message about an unknown `word`.
+
+    Parameters
+    ----------
+    word
+        What was given.
+    options
+        What would have been right.
+    otherwise
+        What to say when none of them is near; default: all of them.
 
     Examples
     --------
@@ -27,7 +36,7 @@ def did_you_mean(word: str, options: Iterable[str]) -> str:
     """
     known = list(options)
     nearest = difflib.get_close_matches(word.casefold(), known, n=1)
-    return f"did you mean {nearest[0]}?" if nearest else f"known are {', '.join(known)}"
+    return f"did you mean {nearest[0]}?" if nearest else otherwise or f"known are {', '.join(known)}"
 
 
 def safe_name(text: str) -> str:
