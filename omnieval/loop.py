@@ -22,12 +22,13 @@ from omnieval.descriptors.archive import Archive, save_archive
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.describe import DescribedFrame
 from omnieval.descriptors.description import Descriptor
-from omnieval.errors import ConfigError, OmnievalError, ResultError
+from omnieval.errors import ConfigError, ResultError
 from omnieval.mapping.mapper import Mapper
 from omnieval.mapping.step import Step
 from omnieval.material import Material, archive_material, image_material
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.recording.records import RecordingOptions
+from omnieval.results.atomic import replacing
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
 from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder
 from omnieval.results.tables import nodes_frame, step_row, transitions_frame, with_final_map
@@ -125,7 +126,8 @@ def describe_archive(
         np.stack([description.position for description in described]),
         np.stack([description.orientation for description in described]),
     )
-    save_archive(file, archive.frames, archive.position, archive.orientation)
+    with replacing(file) as temporary:
+        save_archive(temporary, archive.frames, archive.position, archive.orientation)
     return archive
 
 
@@ -145,13 +147,15 @@ def run(
             f"{len(material.frames)}; lower n_init or give a longer sequence"
         )
     writer = RunWriter(folder, _manifest(material, config), overwrite=overwrite)
-    sink = RecordingSink(writer.folder / RECORDING, material, config, recording) if recording else None
+    sink = None
     try:
+        if recording:
+            sink = RecordingSink(writer.folder / RECORDING, material, config, recording)
         return _run(material, config, writer, sink, progress)
     except KeyboardInterrupt:
         writer.abandon("interrupted", "interrupted by the user")
         raise
-    except OmnievalError as error:
+    except Exception as error:
         writer.abandon("failed", str(error))
         raise
     finally:
@@ -198,9 +202,8 @@ def _run(
         if progress:
             progress(step.frame + 1, len(material.frames))
     final = mapper.finish()
-    evaluation = evaluate(final.labels, final.placements, material.positions, seed=config.mapper.seed)
-    if sink:
-        sink.finish(final, evaluation)
+    rooms = [frame.room for frame in material.frames]
+    evaluation = evaluate(final.labels, final.placements, material.positions, rooms=rooms, seed=config.mapper.seed)
     seconds = time.perf_counter() - started
     steps = with_final_map(writer.steps(), final)
     tables = {
@@ -208,8 +211,13 @@ def _run(
         "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
         "transitions": transitions_frame(final),
     }
-    outcome = _outcome(material, config, trace, evaluation, seconds)
-    return writer.complete(tables, outcome | {"recording_failure": sink.failure if sink else None})
+    run = writer.complete(tables, _outcome(material, config, trace, evaluation, seconds))
+    if sink is None:
+        return run
+    # Only now, when nothing that happens to the view can touch the record any more.
+    sink.finish(final, evaluation)
+    sink.close()
+    return writer.annotate({"recording_failure": sink.failure})
 
 
 def _manifest(material: Material, config: Config) -> dict[str, Any]:

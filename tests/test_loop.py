@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import polars as pl
 import pytest
@@ -191,3 +192,27 @@ def test_the_manifest_says_where_everything_comes_from(run, panoramas):
     assert manifest["camera"]["kind"] == "panoramic"
     assert manifest["versions"]["omnieval"] == omnieval.__version__
     assert manifest["smallest_margin"]["value"] == run.steps["margin"].min()
+
+
+def test_an_image_of_another_size_in_the_middle_is_refused(panoramas, tmp_path):
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    for file in panoramas.iterdir():
+        (copy / file.name).write_bytes(file.read_bytes())
+    cv2.imwrite(str(copy / "image50.png"), np.zeros((32, 128), np.uint8))
+    with pytest.raises(DatasetError, match=r"image50\.png is 128 x 32 pixels, earlier ones 256 x 64"):
+        replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+
+
+def test_a_recording_that_fails_leaves_the_tables_as_they_are(run, panoramas, tmp_path, monkeypatch):
+    monkeypatch.setattr("omnieval.sinks.RecordingSink.failure", "the viewer was lost")
+    other = replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run", recording=RecordingOptions())
+    assert decisions(other).equals(decisions(run))
+    assert open_run(other.folder).manifest["recording_failure"] == "the viewer was lost"
+
+
+def test_a_recording_that_cannot_be_opened_ends_the_run_before_it_began(panoramas, tmp_path):
+    options = RecordingOptions(connect="rerun+http://127.0.0.1:1/proxy")
+    with pytest.raises(ResultError):
+        replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run", recording=options)
+    assert open_run(tmp_path / "run").status == "failed"

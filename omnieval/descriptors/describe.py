@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import Description, Descriptor
+from omnieval.errors import DatasetError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
 
@@ -24,6 +25,14 @@ class DescribedFrame:
 
     description: Description
     digest: str
+
+
+@dataclass(frozen=True)
+class _Fresh:
+    """A description that was just computed, and the (height, width) of its image."""
+
+    described: DescribedFrame
+    shape: tuple[int, ...]
 
 
 class Describer:
@@ -43,6 +52,7 @@ class Describer:
         self._camera = camera
         self._descriptor = descriptor
         self._cache = cache
+        self._shape: tuple[int, ...] | None = None
         self._key = description_key(
             {"camera": camera.settings, "descriptor": {"name": descriptor.name, **descriptor.settings}}
         )
@@ -56,7 +66,7 @@ class Describer:
             When it comes to an image that cannot be read.
         """
         with ThreadPoolExecutor(_WORKERS) as pool:
-            under_way: deque[tuple[Frame, Future[DescribedFrame] | DescribedFrame]] = deque()
+            under_way: deque[tuple[Frame, Future[_Fresh] | DescribedFrame]] = deque()
             try:
                 for frame in frames:
                     known = self._cache.lookup(frame.path, self._key)
@@ -70,15 +80,23 @@ class Describer:
             finally:
                 pool.shutdown(cancel_futures=True)
 
-    def _describe(self, frame: Frame) -> DescribedFrame:
+    def _describe(self, frame: Frame) -> _Fresh:
         data = frame.read()
-        panorama = self._camera.panorama(decode_grey(data, str(frame.path)))
-        return DescribedFrame(self._descriptor.describe(panorama), image_digest(data))
+        image = decode_grey(data, str(frame.path))
+        description = self._descriptor.describe(self._camera.panorama(image))
+        return _Fresh(DescribedFrame(description, image_digest(data)), image.shape)
 
-    def _take(self, frame: Frame, described: Future[DescribedFrame] | DescribedFrame) -> DescribedFrame:
-        """Return a description; a new one is also kept. All access to the cache is from the caller's thread."""
+    def _take(self, frame: Frame, described: Future[_Fresh] | DescribedFrame) -> DescribedFrame:
+        """Return a description; a new one is checked and kept. Only the caller's thread uses the cache."""
         if isinstance(described, DescribedFrame):
             return described
-        result = described.result()
-        self._cache.store(frame.path, self._key, result.digest, result.description)
-        return result
+        fresh = described.result()
+        self._shape = self._shape or fresh.shape
+        if fresh.shape != self._shape:
+            (height, width), (usual_height, usual_width) = fresh.shape, self._shape
+            raise DatasetError(
+                f"image {frame.path} is {width} x {height} pixels, earlier ones {usual_width} x {usual_height}; "
+                "remove or resize it"
+            )
+        self._cache.store(frame.path, self._key, fresh.described.digest, fresh.described.description)
+        return fresh.described

@@ -166,6 +166,12 @@ class RunWriter:
             write_table(table, self.folder / f"{name}.parquet")
         return self._close("complete", manifest)
 
+    def annotate(self, manifest: dict[str, Any]) -> Run:
+        """Add to ``run.json`` of a closed run what was learned since."""
+        self._manifest |= manifest
+        write_json(self._manifest, self.folder / MANIFEST)
+        return Run(self.folder, self._manifest)
+
     def abandon(self, status: str, reason: str) -> Run:
         """Close a run that did not reach its end (`interrupted` or `failed`); its steps stay readable."""
         write_table(self.steps(), self.folder / "steps.parquet")
