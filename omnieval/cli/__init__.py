@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import typer
 from typer.exceptions import TyperException
 
-from omnieval.cli import dataset, describe, map_descriptors, parameters, render, replay, view
+from omnieval.cli import compare, dataset, describe, diff, map_descriptors, parameters, render, replay, view
 from omnieval.errors import OmnievalError
 
 INTERRUPTED = 130

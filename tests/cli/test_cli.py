@@ -106,7 +106,7 @@ def test_render_rebuilds_the_recording(replayed):
 
 def test_help_is_there_for_every_command(tmp_path):
     root = omnieval("--help", cwd=tmp_path).stdout
-    for command in ("replay", "map", "describe", "render", "view", "parameters", "dataset"):
+    for command in ("replay", "map", "describe", "render", "view", "compare", "diff", "parameters", "dataset"):
         assert command in root
         page = in_process(command, "--help", cwd=tmp_path)
         assert page.returncode == 0
@@ -225,3 +225,22 @@ def test_every_step_of_a_replay_is_in_the_table(replayed):
     steps = open_run(cwd / result.stdout.splitlines()[0]).steps
     assert steps["frame"].to_list() == list(range(80))
     assert steps.select(pl.col("file").n_unique()).item() == 80
+
+
+def test_runs_are_compared_and_their_first_difference_shown(replayed, panoramas, tmp_path):
+    cwd, result = replayed
+    one = cwd / result.stdout.splitlines()[0]
+    assert (
+        in_process("replay", panoramas, *SMALL, "--set", "gamma=20", "--no-rrd", "--out", "b", cwd=tmp_path).returncode
+        == 0
+    )
+    parted = in_process("diff", one, "b", cwd=tmp_path).stdout
+    assert "is the first that differs" in parted
+    assert "assigned | prominence" in parted
+    assert "1.0 | 20.0" in parted
+    assert in_process("diff", one, one, cwd=tmp_path).stdout == "equal: all 80 steps\n"
+    assert json.loads(in_process("diff", one, "b", "--json", cwd=tmp_path).stdout)["equal"] is False
+    table = in_process("compare", one, "b", cwd=tmp_path).stdout
+    assert "silhouette" in table
+    assert "gamma" in table
+    assert len(json.loads(in_process("compare", one, "b", "--json", cwd=tmp_path).stdout)["runs"]) == 2
