@@ -71,7 +71,7 @@ def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, c
     ConfigError, DatasetError
         If the camera cannot be resolved or the first image not be described.
     """
-    camera = resolve_camera(sequence, config.imaging)
+    camera = resolve_camera(sequence, config.imaging, cache)
     described = Describer(camera, descriptor, cache).describe_frames(sequence.frames)
     first = next(described)
     return Material(

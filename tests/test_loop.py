@@ -84,9 +84,7 @@ def test_a_second_replay_decides_the_same_and_reads_no_image(run, panoramas, tmp
         raise AssertionError("an image was read although its description is cached")
 
     monkeypatch.setattr("omnieval.datasets.sequence.Frame.read", refuse)
-    # What the images are is known, so that not even the first one is looked at.
-    config = omnieval.configure(CONFIG, **{"imaging.kind": "panoramic"})
-    again = replay(panoramas, config=config, out=tmp_path / "again")
+    again = replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "again")
     assert decisions(again).equals(decisions(run))
     assert again.nodes.equals(run.nodes)
     assert again.metrics == run.metrics
@@ -200,7 +198,7 @@ def test_an_image_of_another_size_in_the_middle_is_refused(panoramas, tmp_path):
     for file in panoramas.iterdir():
         (copy / file.name).write_bytes(file.read_bytes())
     cv2.imwrite(str(copy / "image50.png"), np.zeros((32, 128), np.uint8))
-    with pytest.raises(DatasetError, match=r"image50\.png is 128 x 32 pixels, earlier ones 256 x 64"):
+    with pytest.raises(DatasetError, match=r"image50\.png is 128 x 32 pixels, the first one 256 x 64"):
         replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run")
 
 

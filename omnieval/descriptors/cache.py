@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sqlite3
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,21 +17,23 @@ from typing import Any, Self
 import numpy as np
 
 from omnieval.datasets.cachedir import cache_dir
+from omnieval.descriptors.database import SpareDatabase
 from omnieval.descriptors.description import Description
 
-_FORMAT = 1
+_COMPUTATION = 2
+"""Raised when decoding, unwrapping or a descriptor computes something else, so that older rows are not found."""
 _TABLES = """
 CREATE TABLE IF NOT EXISTS files (path TEXT PRIMARY KEY, size INTEGER, mtime_ns INTEGER, digest TEXT) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS descriptions (
     digest TEXT, key TEXT, cells INTEGER, position BLOB, orientation BLOB, checksum BLOB, PRIMARY KEY (digest, key)
 );
+CREATE TABLE IF NOT EXISTS notes (key TEXT PRIMARY KEY, value TEXT, checksum BLOB) WITHOUT ROWID;
 """
-_BATCH = 64
 
 
 def description_key(settings: dict[str, Any]) -> str:
     """Return the key of everything besides the image that determines a description."""
-    text = json.dumps({"format": _FORMAT, **settings}, sort_keys=True)
+    text = json.dumps({"computation": _COMPUTATION, **settings}, sort_keys=True)
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
@@ -42,21 +43,29 @@ def image_digest(data: bytes) -> str:
 
 
 class DescriptorCache:
-    """The cache file, open; a context manager.
+    """The cache file, open; a context manager. Also a `Notebook` for what was seen of a camera.
 
     Parameters
     ----------
     path
-        The SQLite file; default ``descriptors.sqlite`` in the cache folder.
+        The SQLite file; default ``descriptors-2.sqlite`` in the cache folder (the number is that of its tables).
+
+    Attributes
+    ----------
+    hits, misses
+        How many lookups found a description and how many did not.
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        self.path = path or cache_dir() / "descriptors.sqlite"
+        self.path = path or cache_dir() / "descriptors-2.sqlite"
         self.hits = 0
         self.misses = 0
-        self.note: str | None = None
-        self._unsaved = 0
-        self._database = self._open()
+        self._database = SpareDatabase(self.path, _TABLES)
+
+    @property
+    def note(self) -> str | None:
+        """Why there is no cache, or what was done about a damaged one; None while all is well."""
+        return f"descriptor cache: {self._database.note}" if self._database.note else None
 
     def __enter__(self) -> Self:
         return self
@@ -67,12 +76,8 @@ class DescriptorCache:
         self.close()
 
     def lookup(self, file: Path, key: str) -> tuple[str, Description] | None:
-        """Return the digest and description of an image file, None if they are not known."""
-        try:
-            found = self._lookup(file, key)
-        except sqlite3.Error as error:
-            self._give_up(error)
-            found = None
+        """Return the digest and description of an image file, None if they are not known (or not saved yet)."""
+        found = self._lookup(file, key)
         if found is None:
             self.misses += 1
         else:
@@ -81,96 +86,78 @@ class DescriptorCache:
 
     def store(self, file: Path, key: str, digest: str, description: Description) -> None:
         """Keep the description of an image file whose bytes have this digest."""
-        if self._database is None:
-            return
-        position = description.position.astype("<f4").tobytes()
-        orientation = description.orientation.astype("<f4").tobytes()
-        row = (digest, key, len(description.orientation), position, orientation, _checksum(position, orientation))
         try:
             status = file.stat()
-            self._database.execute(
-                "INSERT OR REPLACE INTO files VALUES (?, ?, ?, ?)",
-                (str(file.absolute()), status.st_size, status.st_mtime_ns, digest),
-            )
-            self._database.execute("INSERT OR REPLACE INTO descriptions VALUES (?, ?, ?, ?, ?, ?)", row)
-            self._unsaved += 1
-        except (sqlite3.Error, OSError) as error:
-            self._give_up(error)
-        if self._unsaved >= _BATCH:
-            self.save()
+        except OSError:
+            return  # gone since it was read; there is nothing to find again
+        cells = len(description.orientation)
+        position = description.position.astype("<f4").tobytes()
+        orientation = description.orientation.astype("<f4").tobytes()
+        self._database.write(
+            "INSERT OR REPLACE INTO files VALUES (?, ?, ?, ?)",
+            (_text(file), status.st_size, status.st_mtime_ns, digest),
+        )
+        self._database.write(
+            "INSERT OR REPLACE INTO descriptions VALUES (?, ?, ?, ?, ?, ?)",
+            (digest, key, cells, position, orientation, _checksum(digest, key, cells, position, orientation)),
+        )
+
+    def recall(self, key: str) -> dict[str, Any] | None:
+        """See `omnieval.imaging.glance.Notebook`."""
+        row = self._database.find("SELECT value, checksum FROM notes WHERE key = ?", (key,))
+        if row is None or _checksum(key, row[0]) != row[1]:
+            return None
+        value: dict[str, Any] = json.loads(row[0])
+        return value
+
+    def remember(self, key: str, value: dict[str, Any]) -> None:
+        """See `omnieval.imaging.glance.Notebook`."""
+        text = json.dumps(value)
+        self._database.write("INSERT OR REPLACE INTO notes VALUES (?, ?, ?)", (key, text, _checksum(key, text)))
 
     def save(self) -> None:
         """Write what is pending."""
-        self._unsaved = 0
-        if self._database is None:
-            return
-        try:
-            self._database.commit()
-        except sqlite3.Error as error:
-            self._give_up(error)
+        self._database.save()
 
     def close(self) -> None:
         """Write what is pending and close the file."""
-        self.save()
-        if self._database is not None:
-            self._database.close()
-            self._database = None
+        self._database.close()
 
     def _lookup(self, file: Path, key: str) -> tuple[str, Description] | None:
-        if self._database is None:
-            return None
         try:
             status = file.stat()
         except OSError:
             return None  # whoever reads the image will say what is wrong with it
-        known = self._database.execute(
+        known = self._database.find(
             "SELECT digest FROM files WHERE path = ? AND size = ? AND mtime_ns = ?",
-            (str(file.absolute()), status.st_size, status.st_mtime_ns),
-        ).fetchone()
+            (_text(file), status.st_size, status.st_mtime_ns),
+        )
         if known is None:
             return None
-        row = self._database.execute(
+        digest = known[0]
+        row = self._database.find(
             "SELECT cells, position, orientation, checksum FROM descriptions WHERE digest = ? AND key = ?",
-            (known[0], key),
-        ).fetchone()
-        if row is None or _checksum(row[1], row[2]) != row[3]:
+            (digest, key),
+        )
+        if row is None or _checksum(digest, key, *row[:3]) != row[3]:
             return None
         cells, position, orientation, _ = row
-        return known[0], Description(
+        return digest, Description(
             np.frombuffer(position, "<f4").astype(np.float32),
             np.frombuffer(orientation, "<f4").astype(np.float32).reshape(cells, -1),
         )
 
-    def _open(self) -> sqlite3.Connection | None:
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                return self._connect()
-            except sqlite3.DatabaseError as error:
-                if isinstance(error, sqlite3.OperationalError):
-                    raise
-                # Not a database any more: put it aside for whoever wants to know why, and begin anew.
-                self.path.replace(self.path.with_suffix(".damaged"))
-                return self._connect()
-        except (sqlite3.Error, OSError) as error:
-            self.note = f"no descriptor cache: {error}"
-            return None
 
-    def _connect(self) -> sqlite3.Connection:
-        database = sqlite3.connect(self.path, timeout=30.0, check_same_thread=False)
-        database.execute("PRAGMA journal_mode = WAL")
-        database.execute("PRAGMA synchronous = NORMAL")
-        database.executescript(_TABLES)
-        return database
-
-    def _give_up(self, error: Exception) -> None:
-        self.note = f"no descriptor cache: {error}"
-        if self._database is not None:
-            self._database.close()
-            self._database = None
+def _text(file: Path) -> str:
+    """Name a file in the database; file names need not be valid Unicode."""
+    return str(file.absolute()).encode("utf-8", "backslashreplace").decode()
 
 
-def _checksum(position: bytes, orientation: bytes) -> bytes:
-    content = hashlib.blake2b(position, digest_size=8)
-    content.update(orientation)
+def _checksum(*values: object) -> bytes:
+    """Return a checksum of a row, whatever types damage may have given its values."""
+    content = hashlib.blake2b(digest_size=8)
+    for value in values:
+        field = value if isinstance(value, bytes) else repr(value).encode("utf-8", "backslashreplace")
+        content.update(len(field).to_bytes(8, "little"))
+        content.update(field)
     return content.digest()

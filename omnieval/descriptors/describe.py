@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import Description, Descriptor
-from omnieval.errors import DatasetError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
 
@@ -25,14 +24,6 @@ class DescribedFrame:
 
     description: Description
     digest: str
-
-
-@dataclass(frozen=True)
-class _Fresh:
-    """A description that was just computed, and the (height, width) of its image."""
-
-    described: DescribedFrame
-    shape: tuple[int, ...]
 
 
 class Describer:
@@ -52,12 +43,11 @@ class Describer:
         self._camera = camera
         self._descriptor = descriptor
         self._cache = cache
-        self._shape: tuple[int, ...] | None = None
         self._key = description_key(
             {"camera": camera.settings, "descriptor": {"name": descriptor.name, **descriptor.settings}}
         )
 
-    def describe_frames(self, frames: Iterable[Frame]) -> Iterator[DescribedFrame]:
+    def describe_frames(self, frames: Iterable[Frame]) -> Generator[DescribedFrame, None, None]:
         """Describe frames in order, a few ahead of the caller.
 
         Raises
@@ -66,7 +56,7 @@ class Describer:
             When it comes to an image that cannot be read.
         """
         with ThreadPoolExecutor(_WORKERS) as pool:
-            under_way: deque[tuple[Frame, Future[_Fresh] | DescribedFrame]] = deque()
+            under_way: deque[tuple[Frame, Future[DescribedFrame] | DescribedFrame]] = deque()
             try:
                 for frame in frames:
                     known = self._cache.lookup(frame.path, self._key)
@@ -80,23 +70,16 @@ class Describer:
             finally:
                 pool.shutdown(cancel_futures=True)
 
-    def _describe(self, frame: Frame) -> _Fresh:
+    def _describe(self, frame: Frame) -> DescribedFrame:
         data = frame.read()
-        image = decode_grey(data, str(frame.path))
-        description = self._descriptor.describe(self._camera.panorama(image))
-        return _Fresh(DescribedFrame(description, image_digest(data)), image.shape)
+        where = str(frame.path)
+        panorama = self._camera.panorama(decode_grey(data, where), where=where)
+        return DescribedFrame(self._descriptor.describe(panorama), image_digest(data))
 
-    def _take(self, frame: Frame, described: Future[_Fresh] | DescribedFrame) -> DescribedFrame:
-        """Return a description; a new one is checked and kept. Only the caller's thread uses the cache."""
+    def _take(self, frame: Frame, described: Future[DescribedFrame] | DescribedFrame) -> DescribedFrame:
+        """Return a description; a new one is also kept. Only the caller's thread uses the cache."""
         if isinstance(described, DescribedFrame):
             return described
-        fresh = described.result()
-        self._shape = self._shape or fresh.shape
-        if fresh.shape != self._shape:
-            (height, width), (usual_height, usual_width) = fresh.shape, self._shape
-            raise DatasetError(
-                f"image {frame.path} is {width} x {height} pixels, earlier ones {usual_width} x {usual_height}; "
-                "remove or resize it"
-            )
-        self._cache.store(frame.path, self._key, fresh.described.digest, fresh.described.description)
-        return fresh.described
+        result = described.result()
+        self._cache.store(frame.path, self._key, result.digest, result.description)
+        return result

@@ -20,6 +20,9 @@ _CANCELLATION = 1e-9
 _ROUNDING = 1e-13
 """Relative error of a correlation."""
 
+_BLOCK = 32
+"""Spectra gathered at once: 1 MB, which stays in the processor's cache, where gathering all is three times slower."""
+
 
 class OrientationStore:
     """Orientation descriptors that can be compared with each other; grows by doubling.
@@ -58,6 +61,14 @@ class OrientationStore:
             The roll s of each of the others that aligns it with the query, in cells, shape (m,); the smallest of
             equally good ones.
         """
+        squared, shifts = np.empty(len(others)), np.empty(len(others), np.int64)
+        for start in range(0, len(others), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            squared[block], shifts[block] = self._compare(query, others[block])
+        return np.sqrt(squared), shifts
+
+    def _compare(self, query: int, others: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return squared distances and shifts of a few."""
         cells = self._descriptors.shape[1]
         # conj(Q) K instead of Q conj(K): then only the small result has to be conjugated.
         products = np.einsum("mfb,fb->mf", self._spectra[others], self._spectra[query].conj())
@@ -69,7 +80,7 @@ class OrientationStore:
         squared = scale - 2.0 * correlation[np.arange(len(others)), shifts]
         for index in np.flatnonzero(squared <= _CANCELLATION * scale):
             squared[index] = self._squared_distance(query, int(others[index]), int(shifts[index]))
-        return np.sqrt(squared), shifts
+        return squared, shifts
 
     def _squared_distance(self, query: int, other: int, shift: int) -> float:
         difference = self._descriptors[query].astype(np.float64) - np.roll(self._descriptors[other], shift, axis=0)

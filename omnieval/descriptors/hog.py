@@ -6,6 +6,7 @@ width; the orientation descriptor one per window of columns, of full height, win
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -71,7 +72,7 @@ class Hog:
         Raises
         ------
         ConfigError
-            If its size is not divisible into cells.
+            If its size is not divisible into cells, or a cell would be wider than the panorama.
         """
         config = self.config
         rows, columns = panorama.shape
@@ -79,6 +80,11 @@ class Hog:
             raise ConfigError(
                 f"a panorama of {rows} x {columns} pixels is not divisible into {config.position_cells} bands of rows "
                 f"and {config.orientation_cells} columns; set imaging.rows and imaging.columns to multiples"
+            )
+        if config.orientation_width > columns:
+            raise ConfigError(
+                f"cells {config.orientation_width} columns wide do not fit a panorama of {columns}; lower "
+                "hog.orientation_width"
             )
         by_row, by_column = self._histograms(panorama)
         position = by_row.reshape(config.position_cells, -1, config.bins).sum(axis=1)
@@ -153,7 +159,8 @@ def _normalise(histograms: NDArray[np.float64], kind: str) -> NDArray[np.float64
     if kind == "none":
         return histograms
     if kind == "global-l2":
-        norm: Any = np.linalg.norm(histograms)
+        # Summed exactly, so that it does not depend on where the panorama begins either.
+        norm: Any = math.sqrt(math.fsum(np.square(histograms).ravel().tolist()))
     else:
         norm = np.linalg.norm(histograms, ord=2 if kind == "cell-l2" else 1, axis=1, keepdims=True)
     normalised: NDArray[np.float64] = histograms / (norm + 0.01)

@@ -1,7 +1,8 @@
 """Where the mirror lies in the images, estimated from the images themselves.
 
 While the robot moves, what the mirror shows changes; the surroundings of the mirror and the camera's own reflection do
-not. So the grey levels' standard deviation over a few frames is high exactly between two circles.
+not. So the grey levels' standard deviation over a few frames is high exactly between two circles, once the camera's
+exposure and noise are accounted for: an exposure that follows the scene changes what is static, too.
 """
 
 from __future__ import annotations
@@ -24,6 +25,14 @@ _FEWEST_INLIERS = 0.25
 """Share of the rays that must agree on a rim for it to be believed."""
 _ACTIVE = 0.15
 """A pixel is active from this share of the strong activity on."""
+_ACTIVE_INSIDE = 0.08
+"""The same about the blind spot, where all that changes may be the shade of a plain floor."""
+_BLIND = (0.05, 0.7)
+"""A blind spot is larger and smaller than these shares of the rim."""
+_WEAKEST = 2.0
+"""Strong activity below this, in grey levels, is none."""
+_STATIC = 0.08
+"""Relative scatter up to which the pixels in the middle brighten and darken together, as a static object does."""
 
 
 @dataclass(frozen=True)
@@ -64,27 +73,68 @@ def estimate_mirror(images: Sequence[NDArray[np.uint8]]) -> MirrorEstimate:
     height, width = images[0].shape
     if len(images) < _FEWEST_FRAMES:
         return _default(width, height, f"{len(images)} images are too few to see what moves")
-    activity = cv2.GaussianBlur(np.std(np.stack(images).astype(np.float32), axis=0), (0, 0), 1.0)
+    activity, noise = _activity(images)
     strong = float(np.percentile(activity, 90))
-    if strong < 2.0:
+    if strong < _WEAKEST:
         return _default(width, height, "nothing moves in the images")
-    active = activity > _ACTIVE * strong
+    moving = _without_specks(activity > max(_ACTIVE * strong, noise))
     center = (width / 2, height / 2)
     rim = None
     for _ in range(2):  # the second time the rays start from the centre found
-        edges = _outer_edges(active, center)
-        rim = _fit_circle(edges)
+        rim = _fit_circle(_outer_edges(moving, center))
         if rim is None:
             return _default(width, height, "no circle fits the mirror's rim")
         center = (rim.cx, rim.cy)
     assert rim is not None
-    inner = _inner_radius(active, center, rim.radius)
-    if not 0.02 * rim.radius < inner < 0.7 * rim.radius or not 0.2 * height < rim.radius < width:
-        return _default(width, height, "the circles found are not those of a mirror")
-    mirror = Mirror(rim.cx, rim.cy, inner, rim.radius)
-    return MirrorEstimate(
-        mirror, "estimated", rim.residual, f"estimated from {len(images)} images, residual {rim.residual:.1f} px"
-    )
+    if not 0.2 * height < rim.radius < width:
+        return _default(width, height, "the circle found is not that of a mirror")
+    note = f"estimated from {len(images)} images, residual {rim.residual:.1f} px"
+    inner = _inner_radius(_without_specks(activity > max(_ACTIVE_INSIDE * strong, noise)), center, rim.radius)
+    if not _BLIND[0] * rim.radius < inner < _BLIND[1] * rim.radius:
+        inner = rim.radius * 0.15 / 0.47
+        note += ", blind spot not seen, its radius by default"
+    return MirrorEstimate(Mirror(rim.cx, rim.cy, inner, rim.radius), "estimated", rim.residual, note)
+
+
+def _activity(images: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.float32], float]:
+    """Return how much each pixel changes beyond exposure and noise, and what may still be noise.
+
+    Both are standard deviations in grey levels.
+    """
+    smooth: NDArray[np.float32] = np.empty((len(images), *images[0].shape), np.float32)
+    for frame, image in zip(smooth, images, strict=True):
+        cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.0, dst=frame)
+    smooth /= _exposure(smooth)[:, np.newaxis, np.newaxis]
+    variance = smooth.var(axis=0)
+    # What does not move still has the sensor's noise, and there is always some of it: the blind spot at the least.
+    # The variance of n normal values has the relative standard deviation sqrt(2 / (n - 1)); noise spans six of them.
+    floor = float(np.percentile(variance, 2))
+    spread = 6.0 * floor * np.sqrt(2.0 / (len(images) - 1))
+    return np.sqrt(np.maximum(variance - floor, 0.0)).astype(np.float32), float(np.sqrt(spread))
+
+
+def _without_specks(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    cleaned: NDArray[np.bool_] = cv2.medianBlur(mask.astype(np.uint8), 5) > 0
+    return cleaned
+
+
+def _exposure(images: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the relative exposure of each frame, shape (n,), from the camera's own reflection in the middle.
+
+    All ones when the middle does not brighten and darken as one, so that it shows something else.
+    """
+    count, height, width = images.shape
+    reach = max(height // 32, 1)
+    rows, columns = slice(height // 2 - reach, height // 2 + reach), slice(width // 2 - reach, width // 2 + reach)
+    middle = images[:, rows, columns].reshape(count, -1)
+    level = middle.mean(axis=0)
+    visible = level > 4.0
+    if np.mean(visible) < 0.25:
+        return np.ones(count, np.float32)
+    relative = middle[:, visible] / level[visible]
+    exposure: NDArray[np.float32] = np.maximum(np.median(relative, axis=1), 0.1)
+    scatter = np.median(np.abs(relative / exposure[:, np.newaxis] - 1.0))
+    return exposure if scatter < _STATIC else np.ones(count, np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +210,7 @@ def _inner_radius(active: NDArray[np.bool_], center: tuple[float, float], rim: f
     Many rays may become active further out only, where the floor is plain; hardly any does so further in.
     """
     samples, _, radius = _rays(active, center)
-    first = radius[samples.argmax(axis=1)] - 0.5
+    first = radius[samples[samples.any(axis=1)].argmax(axis=1)] - 0.5
     counts = np.bincount(np.rint(first).astype(np.int64), minlength=int(rim) + 1)[: int(rim)]
     together = np.convolve(counts, np.ones(3), "same")
     edge = int((together >= 0.25 * together.max()).argmax()) + 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 
 from omnieval.datasets.sequence import Mirror, Sequence
 from omnieval.errors import ConfigError, DatasetError
-from omnieval.imaging.calibrate import estimate_mirror
-from omnieval.imaging.decode import decode_grey
+from omnieval.imaging.glance import Notebook, image_size, seen_mirror
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.imaging.unwrap import Resizer, Unwrapper
 
 _PANORAMIC_ASPECT = 2.0
 """Images at least this much wider than high are taken for panoramas when nobody says what they are."""
-_ESTIMATED_FROM = 32
-"""Images to estimate the mirror from, spread over the calibration frames; more do not sharpen it."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +33,8 @@ class CameraModel:
         Size of the panoramas.
     origin
         Where the geometry comes from, in words.
+    size
+        (width, height) of the images in pixels; a sequence has images of one size.
     """
 
     kind: Literal["omnidirectional", "panoramic"]
@@ -43,6 +42,7 @@ class CameraModel:
     rows: int
     columns: int
     origin: str
+    size: tuple[int, int]
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -50,8 +50,27 @@ class CameraModel:
         mirror = asdict(self.mirror) if self.mirror else None
         return {"kind": self.kind, "mirror": mirror, "rows": self.rows, "columns": self.columns}
 
-    def panorama(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the panorama of an image, shape (height, width[, 3]) -> (rows, columns[, 3])."""
+    def panorama(self, image: NDArray[np.uint8], *, where: str = "") -> NDArray[np.uint8]:
+        """Return the panorama of an image, shape (height, width[, 3]) -> (rows, columns[, 3]).
+
+        Parameters
+        ----------
+        image
+            Grey or colour.
+        where
+            What to call it in an error.
+
+        Raises
+        ------
+        DatasetError
+            If it has another size than the first image of the sequence.
+        """
+        height, width = image.shape[:2]
+        if (width, height) != self.size:
+            raise DatasetError(
+                f"image {where} is {width} x {height} pixels, the first one {self.size[0]} x {self.size[1]}; "
+                "remove or resize it"
+            )
         return self._transform.panorama(image)
 
     @cached_property
@@ -61,57 +80,66 @@ class CameraModel:
         return Unwrapper(self.mirror, self.rows, self.columns)
 
 
-def resolve_camera(sequence: Sequence, config: ImagingConfig) -> CameraModel:
+def resolve_camera(sequence: Sequence, config: ImagingConfig, notebook: Notebook | None = None) -> CameraModel:
     """Decide what the images of a sequence are and where the mirror lies in them.
 
     Numbers in the configuration win over the dataset's, these over an estimate from the first frames of the whole
     sequence.
 
+    Parameters
+    ----------
+    sequence
+        Whose camera.
+    config
+        What the user says of it.
+    notebook
+        Where to remember what had to be read from images for this.
+
     Raises
     ------
     ConfigError
-        If the geometry of the configuration contradicts itself.
+        If the geometry of the configuration contradicts itself or the images.
     DatasetError
         If an image that is needed for this cannot be read.
     """
-    kind = sequence.camera.kind if config.kind == "auto" else config.kind
     given = {name: value for name in ("cx", "cy", "r_in", "r_out") if (value := getattr(config, name)) is not None}
+    kind = sequence.camera.kind if config.kind == "auto" else config.kind
+    if kind == "auto" and given:
+        kind = "omnidirectional"
+    size = image_size(sequence, notebook)
     if kind == "auto":
-        height, width = _grey(sequence, 0).shape
-        kind = "panoramic" if width >= _PANORAMIC_ASPECT * height and not given else "omnidirectional"
+        width, height = size
+        kind = "panoramic" if width >= _PANORAMIC_ASPECT * height else "omnidirectional"
     if kind == "panoramic":
-        return CameraModel("panoramic", None, config.rows, config.columns, "the images are panoramas")
-    mirror, origin = _known_mirror(sequence, complete=len(given) == 4)
-    if given:
-        mirror = Mirror(**{**asdict(mirror), **given})
-        origin = "configuration" if len(given) == 4 else f"configuration ({', '.join(given)}), else {origin}"
+        if given:
+            raise ConfigError(f"the images are panoramas and have no mirror; leave out imaging.{next(iter(given))}")
+        return CameraModel("panoramic", None, config.rows, config.columns, "the images are panoramas", size)
+    mirror, origin = _mirror(sequence, given, notebook)
+    _check(mirror, origin, size)
+    return CameraModel("omnidirectional", mirror, config.rows, config.columns, origin, size)
+
+
+def _mirror(sequence: Sequence, given: dict[str, float], notebook: Notebook | None) -> tuple[Mirror, str]:
+    """Return the mirror and where it comes from: what is given, completed by the dataset's or else by an estimate."""
+    if len(given) == 4:
+        return Mirror(**given), "configuration"
+    if sequence.camera.mirror is not None:
+        known, origin = sequence.camera.mirror, f"data card {sequence.card}" if sequence.card else "camera.toml"
+    else:
+        known, origin = seen_mirror(sequence, notebook)
+    if not given:
+        return known, origin
+    return replace(known, **given), f"configuration ({', '.join(given)}), else {origin}"
+
+
+def _check(mirror: Mirror, origin: str, size: tuple[int, int]) -> None:
+    width, height = size
     if not 0 <= mirror.r_in < mirror.r_out:
         raise ConfigError(
             f"imaging.r_in = {mirror.r_in:g} must be less than imaging.r_out = {mirror.r_out:g} ({origin})"
         )
-    return CameraModel("omnidirectional", mirror, config.rows, config.columns, origin)
-
-
-def _known_mirror(sequence: Sequence, *, complete: bool) -> tuple[Mirror, str]:
-    """Return the dataset's mirror, or an estimate unless the configuration gives a complete one."""
-    if sequence.camera.mirror is not None:
-        return sequence.camera.mirror, f"data card {sequence.card}" if sequence.card else "camera.toml"
-    if complete:
-        return Mirror(0.0, 0.0, 0.0, 1.0), ""
-    count = len(sequence.calibration)
-    chosen = sorted({round(index) for index in np.linspace(0, count - 1, min(count, _ESTIMATED_FROM))})
-    images = [_grey(sequence, index) for index in chosen]
-    for index, image in zip(chosen, images, strict=True):
-        if image.shape != images[0].shape:
-            height, width = image.shape
-            raise DatasetError(
-                f"image {sequence.calibration[index].path} is {width} x {height} pixels, the first one "
-                f"{images[0].shape[1]} x {images[0].shape[0]}; remove or resize it"
-            )
-    estimate = estimate_mirror(images)
-    return estimate.mirror, estimate.note
-
-
-def _grey(sequence: Sequence, index: int) -> NDArray[np.uint8]:
-    frame = sequence.calibration[index]
-    return decode_grey(frame.read(), str(frame.path))
+    if not (0 <= mirror.cx <= width and 0 <= mirror.cy <= height):
+        raise ConfigError(
+            f"the mirror's centre ({mirror.cx:g}, {mirror.cy:g}) lies outside the images of {width} x {height} pixels "
+            f"({origin}); set imaging.cx and imaging.cy"
+        )

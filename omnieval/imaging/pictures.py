@@ -34,7 +34,7 @@ class Pictures:
         return self._panoramas(frame)
 
     def _unwrap(self, frame: int) -> NDArray[np.uint8]:
-        return self._camera.panorama(self._decode(frame))
+        return self._camera.panorama(self._decode(frame), where=str(self._frames[frame].path))
 
     def _read(self, frame: int) -> NDArray[np.uint8]:
         taken = self._frames[frame]

@@ -32,7 +32,8 @@ class Unwrapper:
 
     def panorama(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Unwrap an image, shape (height, width) or (height, width, 3); returns (rows, columns[, 3])."""
-        unwrapped = cv2.remap(image, self._u, self._v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        # Where the image cuts the mirror's rim off, black would add edges that do not turn when the robot turns.
+        unwrapped = cv2.remap(image, self._u, self._v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return unwrapped.astype(np.uint8, copy=False)
 
 

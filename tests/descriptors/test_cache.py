@@ -1,5 +1,6 @@
 """The descriptor cache: found again, never trusted when damaged, never in the way."""
 
+import contextlib
 import os
 import sqlite3
 
@@ -82,13 +83,73 @@ def test_a_file_that_is_no_database_is_put_aside(tmp_path, image):
     assert (tmp_path / "c.damaged").exists()
 
 
+def test_every_column_of_a_row_is_guarded(tmp_path, image):
+    stored(tmp_path / "c.sqlite", image)
+    for column, value in [("cells", 3), ("cells", None), ("orientation", "text"), ("checksum", None)]:
+        path = tmp_path / f"{column}-{value}.sqlite"
+        path.write_bytes((tmp_path / "c.sqlite").read_bytes())
+        with contextlib.closing(sqlite3.connect(path)) as database, database:
+            database.execute(f"UPDATE descriptions SET {column} = ?", (value,))
+        with DescriptorCache(path) as cache:
+            assert cache.lookup(image, KEY) is None
+            assert cache.note is None
+
+
+def test_damage_met_while_working_is_put_aside_too(tmp_path, image):
+    path = tmp_path / "c.sqlite"
+    stored(path, image)
+    pages = bytearray(path.read_bytes())
+    pages[4096:] = b"\xff" * (len(pages) - 4096)
+    path.write_bytes(bytes(pages))
+    with DescriptorCache(path) as cache:
+        assert cache.lookup(image, KEY) is None
+        assert cache.note is not None
+        assert "begun anew" in cache.note
+    stored(path, image)
+    with DescriptorCache(path) as cache:
+        assert cache.lookup(image, KEY) is not None
+        assert cache.note is None
+    assert (tmp_path / "c.damaged").exists()
+
+
+def test_what_is_not_saved_yet_does_not_lock_others_out(tmp_path, image):
+    with DescriptorCache(tmp_path / "c.sqlite") as waiting:
+        waiting.store(image, KEY, "1", a_description(1))
+        with contextlib.closing(sqlite3.connect(tmp_path / "c.sqlite", timeout=0)) as other, other:
+            other.execute("DELETE FROM descriptions")
+
+
+def test_notes_are_recalled_and_damaged_ones_forgotten(tmp_path):
+    path = tmp_path / "c.sqlite"
+    with DescriptorCache(path) as cache:
+        assert cache.recall("size") is None
+        cache.remember("size", {"width": 640, "height": 480})
+    with DescriptorCache(path) as cache:
+        assert cache.recall("size") == {"width": 640, "height": 480}
+    with contextlib.closing(sqlite3.connect(path)) as database, database:
+        database.execute("UPDATE notes SET value = replace(value, '640', '641')")
+    with DescriptorCache(path) as cache:
+        assert cache.recall("size") is None
+
+
+def test_file_names_need_not_be_unicode(tmp_path):
+    try:
+        file = tmp_path / os.fsdecode(b"caf\xe9.png")
+        file.write_bytes(b"some pixels")
+    except OSError:
+        pytest.skip("this file system takes Unicode names only")
+    stored(tmp_path / "c.sqlite", file)
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        assert cache.lookup(file, KEY) is not None
+
+
 def test_without_a_place_to_write_there_is_no_cache_and_no_error(tmp_path, image):
     (tmp_path / "file").write_text("in the way")
     with DescriptorCache(tmp_path / "file" / "c.sqlite") as cache:
         cache.store(image, KEY, "digest", a_description())
         assert cache.lookup(image, KEY) is None
         assert cache.note is not None
-        assert "no descriptor cache" in cache.note
+        assert "is not used" in cache.note
 
 
 def test_two_caches_on_one_file(tmp_path, image):

@@ -80,10 +80,11 @@ def test_a_rotation_leaves_the_position_descriptor_bit_for_bit(columns):
     assert np.array_equal(turned.position, hog.describe(panorama).position)
 
 
+@pytest.mark.parametrize("normalisation", ["cell-l2", "none", "cell-l1", "global-l2"])
 @pytest.mark.parametrize("cells", [1, 7, 255])
-def test_a_rotation_rolls_the_orientation_descriptor_bit_for_bit(cells):
+def test_a_rotation_rolls_the_orientation_descriptor_bit_for_bit(cells, normalisation):
     panorama = np.random.default_rng(2).integers(0, 256, (128, 512)).astype(np.uint8)
-    hog = Hog()
+    hog = Hog(HogConfig(normalisation=normalisation))
     turned = hog.describe(np.roll(panorama, 2 * cells, axis=1))
     assert np.array_equal(turned.orientation, np.roll(hog.describe(panorama).orientation, cells, axis=0))
 
@@ -100,6 +101,11 @@ def test_a_black_image_has_a_finite_descriptor():
     found = Hog().describe(np.zeros((128, 512), np.uint8))
     assert not found.position.any()
     assert np.isfinite(found.orientation).all()
+
+
+def test_a_cell_wider_than_the_panorama_is_refused():
+    with pytest.raises(ConfigError, match=r"hog\.orientation_width"):
+        Hog(HogConfig(orientation_width=600)).describe(np.zeros((128, 512), np.uint8))
 
 
 def test_a_size_that_does_not_divide_is_refused():

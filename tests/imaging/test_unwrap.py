@@ -44,6 +44,12 @@ def test_a_turn_of_the_camera_rolls_the_panorama():
     assert np.abs(turned - straight).mean() > 10
 
 
+def test_a_rim_cut_off_by_the_image_makes_no_edge():
+    image = np.full((160, 200), 90, np.uint8)
+    beyond = Unwrapper(Mirror(cx=101.0, cy=79.0, r_in=15.0, r_out=95.0), 40, 128)
+    assert np.array_equal(beyond.panorama(image), np.full((40, 128), 90))
+
+
 def test_colour_is_unwrapped_like_grey():
     image = np.random.default_rng(0).integers(0, 256, (160, 200), np.uint8)
     unwrapper = Unwrapper(MIRROR, 32, 128)

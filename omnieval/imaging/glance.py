@@ -1,0 +1,106 @@
+"""What only the images themselves tell about the camera: their size and, if need be, where the mirror lies.
+
+What was seen once can be remembered, so that a second replay does not read the images again for it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence as Frames
+from dataclasses import asdict
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.datasets.sequence import Frame, Mirror, Sequence
+from omnieval.errors import DatasetError
+from omnieval.imaging.calibrate import estimate_mirror
+from omnieval.imaging.decode import decode_grey
+
+_ESTIMATED_FROM = 32
+"""Images to estimate the mirror from, spread over the calibration frames; more do not sharpen it."""
+_COMPUTATION = 2
+"""Raised when the estimate computes something else, so that what is remembered of earlier ones is not used."""
+
+
+class Notebook(Protocol):
+    """Remembers small results between processes, or forgets them: both are right."""
+
+    def recall(self, key: str) -> dict[str, Any] | None:
+        """Return what was noted under a key, None if nothing is known."""
+        ...
+
+    def remember(self, key: str, value: dict[str, Any]) -> None:
+        """Note plain values under a key."""
+        ...
+
+
+def image_size(sequence: Sequence, notebook: Notebook | None = None) -> tuple[int, int]:
+    """Return (width, height) of a sequence's first image.
+
+    Raises
+    ------
+    DatasetError
+        If it cannot be read.
+    """
+    first = sequence.calibration[:1]
+    key = _key("size", first)
+    known = notebook.recall(key) if notebook is not None else None
+    if known is None:
+        height, width = _grey(first[0]).shape
+        known = {"width": width, "height": height}
+        if notebook is not None:
+            notebook.remember(key, known)
+    return known["width"], known["height"]
+
+
+def seen_mirror(sequence: Sequence, notebook: Notebook | None = None) -> tuple[Mirror, str]:
+    """Estimate the mirror from a sequence's calibration frames; return it and how it came about.
+
+    Raises
+    ------
+    DatasetError
+        If one of them cannot be read or has another size.
+    """
+    count = len(sequence.calibration)
+    chosen = sorted({round(index) for index in np.linspace(0, count - 1, min(count, _ESTIMATED_FROM))})
+    frames = [sequence.calibration[index] for index in chosen]
+    key = _key("mirror", frames)
+    known = notebook.recall(key) if notebook is not None else None
+    if known is None:
+        estimate = estimate_mirror(_equal_sized(frames))
+        known = {"mirror": asdict(estimate.mirror), "note": estimate.note}
+        if notebook is not None:
+            notebook.remember(key, known)
+    return Mirror(**known["mirror"]), known["note"]
+
+
+def _equal_sized(frames: Frames[Frame]) -> list[NDArray[np.uint8]]:
+    images = [_grey(frame) for frame in frames]
+    for frame, image in zip(frames, images, strict=True):
+        if image.shape != images[0].shape:
+            height, width = image.shape
+            raise DatasetError(
+                f"image {frame.path} is {width} x {height} pixels, the first one "
+                f"{images[0].shape[1]} x {images[0].shape[0]}; remove or resize it"
+            )
+    return images
+
+
+def _grey(frame: Frame) -> NDArray[np.uint8]:
+    return decode_grey(frame.read(), str(frame.path))
+
+
+def _key(what: str, frames: Frames[Frame]) -> str:
+    """Return a key that changes with any of the files, without reading one."""
+    files = []
+    for frame in frames:
+        try:
+            status = frame.path.stat()
+        except OSError as error:
+            raise DatasetError(f"cannot read image {frame.path}: {error.strerror or error}") from error
+        files.append([str(frame.path.absolute()), status.st_size, status.st_mtime_ns])
+    text = json.dumps([what, _COMPUTATION, files])
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
