@@ -244,6 +244,9 @@ def _outcome(
         "metrics": evaluation.metrics,
         "null_reasons": evaluation.reasons,
         "smallest_margin": trace.smallest_margin,
+        "cache": {"hits": cache.hits, "misses": cache.misses, "note": cache.note}
+        if (cache := material.cache)
+        else None,
         "timings": {
             "seconds": seconds,
             "frames_per_second": len(material.frames) / seconds,

@@ -49,6 +49,8 @@ class Material:
         What else ``run.json`` says of it.
     pictures
         Where the recording takes its pictures from; None if there are none.
+    cache
+        Where descriptions are looked up; None if they are at hand.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Material:
     determining: dict[str, Any]
     about: dict[str, Any]
     pictures: Pictures | None = None
+    cache: DescriptorCache | None = None
 
 
 def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, cache: DescriptorCache) -> Material:
@@ -90,6 +93,7 @@ def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, c
             "camera": {"origin": camera.origin, **camera.settings},
         },
         pictures=Pictures(sequence.frames, camera),
+        cache=cache,
     )
 
 

@@ -67,5 +67,7 @@ def print_run(run: Run, *, json: bool) -> None:
     else:
         print(run.folder)
         print_fields(summary_fields(run))
+    if (cache := run.manifest["cache"]) and cache["note"]:
+        note(cache["note"])
     if failure := run.manifest.get("recording_failure"):
         note(f"the recording is incomplete, the tables are not: {failure}")

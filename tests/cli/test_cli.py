@@ -244,3 +244,12 @@ def test_runs_are_compared_and_their_first_difference_shown(replayed, panoramas,
     assert "silhouette" in table
     assert "gamma" in table
     assert len(json.loads(in_process("compare", one, "b", "--json", cwd=tmp_path).stdout)["runs"]) == 2
+
+
+def test_without_a_usable_cache_the_replay_goes_on_and_says_so(panoramas, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("OMNIEVAL_CACHE", str(tmp_path / "file"))
+    result = in_process("replay", panoramas, *SMALL, "--no-rrd", "--limit", "30", cwd=tmp_path)
+    assert result.returncode == 0
+    assert "descriptor cache" in result.stderr
+    assert "is not used" in result.stderr

@@ -66,7 +66,8 @@ def test_the_second_time_no_image_is_read(tmp_path, frames, read):
 
 
 def test_other_settings_do_not_find_each_others_descriptions(tmp_path, frames, read):
-    others = [(CAMERA, Hog(HogConfig(orientation_cells=32, bins=8))), (CameraModel("panoramic", None, 16, 64, "", (64, 32)), HOG)]
+    flatter = CameraModel("panoramic", None, 16, 64, "", (64, 32))
+    others = [(CAMERA, Hog(HogConfig(orientation_cells=32, bins=8))), (flatter, HOG)]
     for camera, descriptor in [(CAMERA, HOG), *others]:
         with DescriptorCache(tmp_path / "c.sqlite") as cache:
             list(Describer(camera, descriptor, cache).describe_frames(frames[:5]))
