@@ -8,6 +8,8 @@ from __future__ import annotations
 import uuid
 from pathlib import Path
 
+import numpy as np
+
 from omnieval.config import Config
 from omnieval.datasets.sequence import Frame
 from omnieval.errors import DatasetError
@@ -61,7 +63,7 @@ class RecordingSink:
             step=step,
             milliseconds=milliseconds,
             position=(pose.x, pose.y) if pose else None,
-            yaw=pose.yaw if pose else None,
+            yaw=pose.yaw if pose and np.isfinite(pose.yaw) else None,
             room=frame.room,
             time_ns=frame.time_ns,
             silhouette=self._silhouette.apply(step) if self._silhouette else None,

@@ -13,9 +13,10 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from omnieval.datasets.layout import Layout
 from omnieval.datasets.sequence import Mirror
 from omnieval.errors import DatasetError
-from omnieval.wording import did_you_mean
+from omnieval.wording import did_you_mean, shown
 
 _STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
 
@@ -57,7 +58,8 @@ class Card(BaseModel):
     """One data card.
 
     `folders` are the names by which a folder of the family is known, `rooms` the meaning of each room code,
-    `image_size` (width, height) in pixels; `mirror_geometry` None means that it is estimated from the images.
+    `image_size` (width, height) in pixels; `mirror_geometry` None means that it is estimated from the images;
+    `layout` how a sequence lies on disk, for families whose reader leaves that to the card.
     """
 
     model_config = _STRICT
@@ -74,6 +76,13 @@ class Card(BaseModel):
     mirror_geometry: MirrorGeometry | None = Field(None, alias="mirror")
     rooms: dict[str, str] = Field(default_factory=dict)
     sequences: tuple[KnownSequence, ...] = ()
+    layout: Layout | None = None
+
+    @model_validator(mode="after")
+    def _panoramas_have_no_mirror(self) -> Card:
+        if self.mirror_geometry is not None and self.layout is not None and self.layout.kind == "panoramic":
+            raise ValueError("panoramic images have no [mirror]; remove it, or set layout.kind")
+        return self
 
     @property
     def mirror(self) -> Mirror | None:
@@ -152,14 +161,44 @@ def parse_card(name: str, text: str) -> Card:
     DatasetError
         If it is not TOML, or a field is unknown, missing or out of range.
     """
+    return _validated(_toml(text, f"{name}.toml"), name, f"{name}.toml")
+
+
+def overridden(known: Card, text: str, file: str) -> Card:
+    """Return `known` with the keys that `text` (TOML) gives in place of its own, a table such as ``[layout]`` whole.
+
+    Parameters
+    ----------
+    known
+        The card to start from.
+    text
+        What a card beside the data says; it needs no more than what differs.
+    file
+        Name of that card, for messages.
+
+    Raises
+    ------
+    DatasetError
+        If it is not TOML, or a field is unknown or out of range.
+    """
+    own = known.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    return _validated({**own, **_toml(text, file)}, known.name, file)
+
+
+def _toml(text: str, file: str) -> dict[str, object]:
     try:
-        return Card.model_validate({**tomllib.loads(text), "name": name})
-    except tomllib.TOMLDecodeError as error:
-        raise DatasetError(f"data card {name}.toml is not valid TOML: {error}") from error
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DatasetError(f"data card {file} is not valid TOML: {shown(str(error))}") from error
+
+
+def _validated(table: dict[str, object], name: str, file: str) -> Card:
+    try:
+        return Card.model_validate({**table, "name": name})
     except ValidationError as error:
         first = error.errors()[0]
-        field = ".".join(str(piece) for piece in first["loc"])
-        raise DatasetError(f"data card {name}.toml: {field or 'card'}: {first['msg']}") from error
+        field = shown(".".join(str(piece) for piece in first["loc"]))
+        raise DatasetError(f"data card {file}: {field or 'card'}: {first['msg']}") from error
 
 
 def _folder() -> Traversable:

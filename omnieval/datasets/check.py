@@ -14,8 +14,13 @@ bad-name              error    an image's name does not parse
 bad-label             error    a line of ``places.lst`` does not parse
 conflicting-label     error    an image has two different labels
 unreadable-labels     error    ``places.lst`` cannot be read
-bad-pose-row          error    the header or a row of ``poses.csv`` is wrong
-unreadable-poses      error    ``poses.csv`` cannot be read
+bad-pose-row          error    the header or a row of ``poses.csv`` or of the ground truth is wrong
+unreadable-poses      error    ``poses.csv`` or the ground truth cannot be read
+bad-card              error    the data card beside the data is wrong
+missing-poses         error    the ground truth that the data card names is not there
+several-poses         error    more than one file may be the ground truth
+rows-differ           error    not one row of ground truth for each image
+ambiguous-image       error    a row of ground truth may mean several images
 bad-camera            error    ``camera.toml`` is wrong
 missing-image         error    a label or pose names an image that is not there
 bad-pose              error    a pose is not finite, or no position in metres
@@ -28,13 +33,14 @@ not-an-image          error    the file cannot be decoded
 wrong-size            error    the image's size differs from the others'
 yaw-out-of-range      warning  a yaw that is probably not in radians
 image-without-label   warning  an image that ``places.lst`` does not name
-image-without-pose    warning  an image without a pose in ``poses.csv``
+image-without-pose    warning  an image without a pose in ``poses.csv`` or the ground truth
+several-folders       warning  images lie in more than one folder
 stray-file            warning  something else among the images
 size-differs          warning  the images' size differs from the data card
 count-differs         warning  the number of images differs from the data card
 length-differs        warning  the path's length differs from the data card
 no-labels             info     there is no ``places.lst``
-no-poses              info     there is no ``poses.csv``
+no-poses              info     there is no ``poses.csv`` or ground truth
 ===================== ======== =====================================================================
 """
 
@@ -186,7 +192,7 @@ def _image_findings(found: Scan, reports: dict[Path, ImageReport]) -> tuple[tupl
 def _card_findings(found: Scan, length: float | None, size: tuple[int, int] | None) -> list[Finding]:
     if found.card is None:
         return []
-    known = card(found.card)
+    known = found.own_card or card(found.card)
     findings: list[Finding] = []
     if size is not None and known.image_size is not None and known.image_size != size:
         message = f"images are {_pixels(size)}, the card {known.name} says {_pixels(known.image_size)}"

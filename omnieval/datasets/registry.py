@@ -1,4 +1,4 @@
-"""From a source to its sequence: ``synthetic``, ``synthetic:night``, ``cold:PATH``, ``folder:PATH`` or a bare path."""
+"""From a source to its sequence: ``synthetic[:LIGHT]``, ``cold:PATH``, ``innova:PATH``, ``folder:PATH`` or a path."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ DEFAULT_SOURCE = "synthetic"
 _SCANNERS = {
     "synthetic": "omnieval.datasets.rendered:scan_rendered",
     "cold": "omnieval.datasets.cold:scan_cold",
+    "innova": "omnieval.datasets.innova:scan_innova",
     "folder": "omnieval.datasets.folder:scan_folder",
 }
 """Reader of each scheme, by its place, so that a reader is imported only when it is used."""
@@ -84,14 +85,17 @@ def _scanner(scheme: str) -> Callable[[str], Scan]:
 
 
 def _scan_bare(path: str) -> Scan:
-    """Recognise a folder by its content: ``omni_cam`` makes it COLD, images make it a folder of images."""
+    """Recognise a folder by its content: ``omni_cam`` is COLD, a card of its own INNOVA, images a folder of images."""
     from omnieval.datasets.cold import is_cold
+    from omnieval.datasets.innova import is_innova
 
     if not path:
         raise DatasetError(f"the source is empty; {did_you_mean('', _SCANNERS)}")
     root = canonical_path(path)
     if is_cold(root):
         return _scanner("cold")(path)
+    if is_innova(root):
+        return _scanner("innova")(path)
     if any(has_image_suffix(name) for name in visible_names(root)):
         return _scanner("folder")(path)
     base = Scan(safe_name(root.name), str(root), root)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
 from omnieval.errors import DatasetError
 from omnieval.wording import shown
+
+if TYPE_CHECKING:
+    from omnieval.datasets.cards import Card
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 ROOT = "."
@@ -61,6 +64,8 @@ class Scan:
         Image files that are no frames because their names do not parse.
     card_sequence
         Path of the sequence on its data card, if it is one of those.
+    own_card
+        The card beside the data that stands in place of the packaged one, if any.
     """
 
     name: str
@@ -73,6 +78,7 @@ class Scan:
     unnamed: tuple[Path, ...] = ()
     card: str | None = None
     card_sequence: str | None = None
+    own_card: Card | None = None
 
     def sequence(self) -> Sequence:
         """Return the sequence.

@@ -103,7 +103,7 @@ def load_archive(file: Path) -> Archive:
 def _pose(xy: NDArray[Any] | None, yaw: NDArray[Any] | None, index: int) -> Pose | None:
     if xy is None or not np.isfinite(xy[index]).all():
         return None
-    heading = float(yaw[index]) if yaw is not None and np.isfinite(yaw[index]) else 0.0
+    heading = float(yaw[index]) if yaw is not None else np.nan
     return Pose(float(xy[index, 0]), float(xy[index, 1]), heading)
 
 

@@ -35,7 +35,7 @@ def step_row(step: Step, frame: Frame, milliseconds: float) -> dict[str, Any]:
         "time": frame.time_ns,
         "x": pose.x if pose else None,
         "y": pose.y if pose else None,
-        "yaw": pose.yaw if pose else None,
+        "yaw": pose.yaw if pose and np.isfinite(pose.yaw) else None,
         "room": frame.room,
         "verdict": step.verdict.value,
         "node": step.node,

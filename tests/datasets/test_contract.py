@@ -8,6 +8,7 @@ import pytest
 
 from omnieval.datasets import load
 from omnieval.datasets.check import check
+from tests.datasets.innova_trees import make_named
 from tests.datasets.trees import cold_names, make_cold, make_folder
 
 FOLDER_POSES = "file,x,y,yaw,room,time\n" + "".join(f"{i}.png,{i},0,0,CR,{i}\n" for i in range(1, 13))
@@ -15,6 +16,7 @@ FOLDER_POSES = "file,x,y,yaw,room,time\n" + "".join(f"{i}.png,{i},0,0,CR,{i}\n" 
 SOURCES = {
     "cold": lambda root: f"cold:{make_cold(root, cold_names(12))}",
     "folder": lambda root: f"folder:{make_folder(root, [f'{i}.png' for i in range(1, 13)], FOLDER_POSES)}",
+    "innova": lambda root: f"innova:{make_named(root)}",
 }
 
 
