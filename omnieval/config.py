@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from omnieval.descriptors.description import Descriptor
+from omnieval.descriptors.gist import Gist, GistConfig
 from omnieval.descriptors.hog import Hog, HogConfig
 from omnieval.errors import ConfigError
 from omnieval.imaging.settings import ImagingConfig
@@ -33,13 +34,14 @@ class Config(BaseModel):
     mapper: MapperConfig = MapperConfig()
     imaging: ImagingConfig = ImagingConfig()
     hog: HogConfig = HogConfig()
+    gist: GistConfig = GistConfig()
 
     def make_descriptor(self) -> Descriptor:
         """Return the descriptor that `descriptor` names, with the settings of its section."""
         return DESCRIPTORS[self.descriptor](getattr(self, self.descriptor))
 
 
-DESCRIPTORS: dict[str, Callable[[Any], Descriptor]] = {"hog": Hog}
+DESCRIPTORS: dict[str, Callable[[Any], Descriptor]] = {"hog": Hog, "gist": Gist}
 """Descriptors by name; each has a section of the same name in `Config`."""
 
 

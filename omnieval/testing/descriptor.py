@@ -1,0 +1,150 @@
+"""The contract of descriptors."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from omnieval.descriptors.description import Description, Descriptor
+from omnieval.errors import ConfigError
+from omnieval.testing.contract import require, same
+
+
+def check_descriptor(
+    descriptor: Descriptor, panoramas: Iterable[NDArray[np.uint8]] | None = None, *, tolerance: float = 1e-4
+) -> None:
+    """Check that a descriptor keeps its contract.
+
+    - `name` is a plain word and `settings` can be written as JSON (they are the cache key and the run's identity);
+      describing changes neither.
+    - `describe` returns a `Description` of finite float32 arrays, position (d,) and orientation (cells, bins), of the
+      same shapes for panoramas of one size; black, grey and white panoramas included.
+    - Pure: the panorama is not changed, equal panoramas give equal arrays to the bit, whatever was described in
+      between and from two threads at once, and no array returned earlier is written again.
+    - Different panoramas differ in both descriptors.
+    - A panorama rolled by c cells has the same position descriptor, and the orientation descriptor rolled by c.
+
+    Parameters
+    ----------
+    descriptor
+        The descriptor under test.
+    panoramas
+        Grey panoramas of one size, shape (rows, columns), uint8, at least two different ones; three synthetic ones of
+        128 x 512 pixels by default.
+    tolerance
+        Largest relative change, in the L2 norm, that a rotation may cause.
+
+    Raises
+    ------
+    AssertionError
+        At the first clause that does not hold.
+    ConfigError
+        If there are fewer than two panoramas.
+    """
+    images = _panoramas() if panoramas is None else list(panoramas)
+    if len(images) < 2:
+        raise ConfigError(f"check_descriptor needs at least two panoramas, got {len(images)}; give more, or none")
+    name, settings = descriptor.name, _settings_text(descriptor)
+    require(isinstance(name, str) and name.replace("-", "_").isidentifier(), f"name must be a plain word, got {name!r}")
+    described = _check_purity(descriptor, images)
+    for image, description in zip(images, described, strict=True):
+        _check_rotation(descriptor, image, description, tolerance)
+    _check_distinct(described)
+    for grey in (0, 128, 255):
+        constant = descriptor.describe(np.full_like(images[0], grey))
+        _check_description(constant, f"a panorama of constant grey level {grey}", like=described[0])
+    require(
+        (descriptor.name, _settings_text(descriptor)) == (name, settings),
+        "name and settings must stay as they are, but describing changed them",
+    )
+
+
+def _panoramas() -> list[NDArray[np.uint8]]:
+    """Three panoramas with texture at several scales and edges; the same ones every time."""
+    rng = np.random.default_rng(6480)
+    images = []
+    for size in (2, 4, 8):
+        scene = gaussian_filter(rng.normal(size=(128, 512)), size, mode=("nearest", "wrap"))
+        grey = 118 + 40 * scene / scene.std() + 40 * (scene > 0) + rng.normal(0, 4, scene.shape)
+        images.append(np.clip(grey, 0, 255).astype(np.uint8))
+    return images
+
+
+def _settings_text(descriptor: Descriptor) -> str:
+    settings = descriptor.settings
+    require(isinstance(settings, dict), f"settings must be a dict, got {type(settings).__name__}")
+    try:
+        return json.dumps(settings, sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise AssertionError(f"settings must be plain values that JSON can hold: {error}") from error
+
+
+def _check_description(description: Description, what: str, *, like: Description | None = None) -> None:
+    require(isinstance(description, Description), f"describe must return a Description, got {type(description)}")
+    for field, dimensions in (("position", 1), ("orientation", 2)):
+        array = getattr(description, field)
+        require(isinstance(array, np.ndarray), f"the {field} descriptor of {what} must be an array")
+        require(array.dtype == np.float32, f"the {field} descriptor of {what} must be float32, got {array.dtype}")
+        require(
+            array.ndim == dimensions and array.size > 0,
+            f"the {field} descriptor of {what} must have {dimensions} dimension(s), got shape {array.shape}",
+        )
+        require(np.isfinite(array).all(), f"the {field} descriptor of {what} has NaN or infinite values")
+        if like is not None:
+            expected = getattr(like, field).shape
+            require(
+                array.shape == expected,
+                f"the {field} descriptor of {what} has shape {array.shape}, that of others {expected}",
+            )
+
+
+def _check_purity(descriptor: Descriptor, images: list[NDArray[np.uint8]]) -> list[Description]:
+    """Describe every panorama, alone, again, and from two threads; return the descriptions."""
+    described: list[Description] = []
+    kept: list[Description] = []
+    for number, image in enumerate(images):
+        given = image.copy()
+        description = descriptor.describe(given)
+        require(np.array_equal(given, image), f"describe must not change the panorama, but changed panorama {number}")
+        _check_description(description, f"panorama {number}", like=described[0] if described else None)
+        described.append(description)
+        kept.append(Description(description.position.copy(), description.orientation.copy()))
+    again = [descriptor.describe(image.copy()) for image in images]
+    require(same(described, kept), "arrays that describe returned must not be written again by a later call")
+    require(same(again, kept), "equal panoramas must give equal arrays, but describing again gave others")
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(descriptor.describe, [image.copy() for image in images * 2]))
+    require(same(together, kept * 2), "describe must be safe to call from two threads, but gave other arrays")
+    return kept
+
+
+def _check_rotation(descriptor: Descriptor, image: NDArray[np.uint8], still: Description, tolerance: float) -> None:
+    cells, columns = len(still.orientation), image.shape[1]
+    require(
+        columns % cells == 0,
+        f"the orientation descriptor must have a number of cells that divides {columns} columns, got {cells}",
+    )
+    for roll in sorted({1, cells // 3, cells // 2} - {0}):
+        turned = descriptor.describe(np.roll(image, roll * columns // cells, axis=1))
+        rolled = np.roll(still.orientation, roll, axis=0)
+        for field, found, expected in (
+            ("keep the position descriptor", turned.position, still.position),
+            (f"roll the orientation descriptor by {roll}", turned.orientation, rolled),
+        ):
+            change = float(np.linalg.norm(found - expected) / max(float(np.linalg.norm(expected)), 1e-12))
+            require(
+                change <= tolerance,
+                f"a panorama rolled by {roll} cell(s) must {field}, but it changed by {change:.2g} of its norm "
+                f"(tolerance {tolerance:g})",
+            )
+
+
+def _check_distinct(described: list[Description]) -> None:
+    for field in ("position", "orientation"):
+        distinct = {getattr(description, field).tobytes() for description in described}
+        require(len(distinct) > 1, f"different panoramas must differ, but all have the same {field} descriptor")
