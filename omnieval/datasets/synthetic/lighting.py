@@ -1,0 +1,158 @@
+"""Light of a day: what lamps, windows and the sun add where, as maps of the building from above."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.datasets.synthetic.building import FOOTPRINT, OPENINGS, ROOMS, Opening, Room
+from omnieval.datasets.synthetic.solids import Solid
+
+CELL = 0.05
+"""Side of a light map's cell, metres."""
+_SPILL = 0.35
+"""How far light blurs through doorways, metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """How bright a day is, relative to a white surface that just saturates; colours are BGR.
+
+    Attributes
+    ----------
+    ambient, lamp, window
+        Light that is everywhere, below a lamp, and at a window.
+    outdoors
+        Brightness of what is seen through windows.
+    sun
+        Brightness of sun patches on the floor, 0 without sun.
+    bloom
+        Share of the saturated light that spreads over its neighbourhood.
+    noise
+        Standard deviation of the image noise, grey levels.
+    """
+
+    ambient: tuple[float, float, float]
+    lamp: tuple[float, float, float]
+    window: tuple[float, float, float]
+    outdoors: float
+    sun: float
+    bloom: float
+    noise: float
+
+
+LIGHTS: dict[str, Light] = {
+    "cloudy": Light((0.46, 0.45, 0.43), (0.22, 0.25, 0.27), (0.52, 0.48, 0.44), 1.25, 0.0, 0.25, 1.6),
+    "night": Light((0.10, 0.13, 0.15), (0.42, 0.56, 0.64), (0.0, 0.0, 0.0), 0.05, 0.0, 0.35, 3.6),
+    "sunny": Light((0.40, 0.43, 0.45), (0.0, 0.0, 0.0), (0.62, 0.72, 0.78), 2.4, 1.5, 0.8, 1.3),
+}
+"""The days by name."""
+SUN = (0.45, -1.0, 0.75)
+"""Towards the sun: x, y, and height over a horizontal distance of hypot(x, y)."""
+
+
+def grid_shape() -> tuple[int, int]:
+    """Return rows (along y) and columns (along x) of a light map."""
+    x0, x1, y0, y1 = FOOTPRINT
+    return round((y1 - y0) / CELL), round((x1 - x0) / CELL)
+
+
+def light_maps(light: Light, solids: list[Solid]) -> NDArray[np.float32]:
+    """Return the light on upright surfaces and on the floor, shape (2, rows, columns, 3); row 0 is the smallest y."""
+    rows, columns = grid_shape()
+    x = np.asarray(FOOTPRINT[0] + (np.arange(columns) + 0.5) * CELL, np.float64)
+    y = np.asarray(FOOTPRINT[2] + (np.arange(rows) + 0.5) * CELL, np.float64)
+    upright: NDArray[np.float64] = np.tile(np.array(light.ambient), (rows, columns, 1))
+    for room in ROOMS:
+        cells = np.ix_(_within(y, room.y0, room.y1), _within(x, room.x0, room.x1))
+        upright[cells] += _room_light(light, room, x[cells[1][0]][None, :], y[cells[0][:, 0]][:, None])
+    upright = np.asarray(cv2.GaussianBlur(upright, (0, 0), _SPILL / CELL), np.float64)
+    floor = upright * _contact_shadow(solids)[..., None]
+    if light.sun > 0.0:
+        patch = cv2.GaussianBlur(_sun_patches(), (0, 0), 0.7)
+        floor += light.sun * patch[..., None] * np.array((0.75, 0.92, 1.0))
+    return np.stack([upright, floor]).astype(np.float32)
+
+
+def _within(values: NDArray[np.float64], low: float, high: float) -> NDArray[np.intp]:
+    """Return the indices of the cells of a room, walls' halves included."""
+    return np.flatnonzero((values > low - 0.08) & (values < high + 0.08))
+
+
+def _room_light(light: Light, room: Room, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what the lamps and windows of a room add in it, shape (rows, columns, 3)."""
+    total = np.zeros((y.size, x.size, 3))
+    for lamp_x, lamp_y in room.lamps:
+        fall = 1.0 / (1.0 + ((x - lamp_x) ** 2 + (y - lamp_y) ** 2) / 1.6**2)
+        total += fall[..., None] * np.array(light.lamp)
+    for opening in OPENINGS:
+        if opening.kind == "window" and _belongs(opening, room):
+            total += _window_fall(opening, x, y)[..., None] * np.array(light.window)
+    return total
+
+
+def _belongs(opening: Opening, room: Room) -> bool:
+    """Tell whether an opening is in one of the room's walls."""
+    low, high = (room.x0, room.x1) if opening.axis == "x" else (room.y0, room.y1)
+    edges = (room.y0, room.y1) if opening.axis == "x" else (room.x0, room.x1)
+    return low <= opening.start < high and min(abs(opening.at - edge) for edge in edges) < 0.1
+
+
+def _window_fall(opening: Opening, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how the light of a window falls off into the room, 1 at most."""
+    along, across = (x, y - opening.at) if opening.axis == "x" else (y, x - opening.at)
+    beside = along - np.clip(along, opening.start, opening.end)
+    size = np.sqrt((opening.end - opening.start) * (opening.z1 - opening.z0))
+    return np.asarray(1.0 / (1.0 + (across**2 + 1.5 * beside**2) / (1.1 * size) ** 2))
+
+
+def _contact_shadow(solids: list[Solid]) -> NDArray[np.float64]:
+    """Return how much of the light reaches the floor around and below what stands on it, shape (rows, columns)."""
+    mask = np.zeros(grid_shape(), np.float32)
+    for solid in solids:
+        if solid.z0 < 0.8 and not solid.glass:
+            cover = 0.35 if solid.z0 > 0.3 else 1.0
+            corners = cv2.boxPoints(
+                (_cell(solid.x, solid.y), (solid.width / CELL, solid.depth / CELL), np.degrees(solid.yaw))
+            )
+            layer = np.zeros_like(mask)
+            cv2.fillConvexPoly(layer, np.rint(corners).astype(np.int32), cover)
+            np.maximum(mask, layer, out=mask)
+    return np.asarray(1.0 - 0.6 * cv2.GaussianBlur(mask, (0, 0), 0.12 / CELL))
+
+
+def _sun_patches() -> NDArray[np.float32]:
+    """Return where the sun falls on the floor through the windows, 0 or 1, shape (rows, columns)."""
+    mask = np.zeros(grid_shape(), np.float32)
+    for room in ROOMS:
+        for opening in OPENINGS:
+            if opening.kind == "window" and opening.axis == "x" and opening.at < 0.0 and _belongs(opening, room):
+                patch = _sun_patch(opening)
+                (column, row), (end_column, end_row) = _cell(room.x0, room.y0), _cell(room.x1, room.y1)
+                inside = slice(round(row), round(end_row) + 1), slice(round(column), round(end_column) + 1)
+                np.maximum(mask[inside], patch[inside], out=mask[inside])
+    return mask
+
+
+def _sun_patch(window: Opening) -> NDArray[np.float32]:
+    """Return where the sun falls through a window in a wall along x, if no other wall were in the way."""
+    mask = np.zeros(grid_shape(), np.float32)
+    sx, sy, sz = SUN
+    panes = max(1, round(window.end - window.start))
+    step = (window.end - window.start) / panes
+    for pane in range(panes):
+        left, right = window.start + pane * step + 0.05, window.start + (pane + 1) * step - 0.05
+        corners = [
+            _cell(x - z * sx / sz, window.at - z * sy / sz)
+            for x, z in ((left, window.z0), (right, window.z0), (right, window.z1), (left, window.z1))
+        ]
+        cv2.fillConvexPoly(mask, np.rint(np.array(corners)).astype(np.int32), 1.0)
+    return mask
+
+
+def _cell(x: float, y: float) -> tuple[float, float]:
+    """Return the column and row, fractional, of a place in the light maps."""
+    return (x - FOOTPRINT[0]) / CELL - 0.5, (y - FOOTPRINT[2]) / CELL - 0.5

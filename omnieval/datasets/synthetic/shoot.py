@@ -1,0 +1,65 @@
+"""One drive through the building as a photographer sees it: names, rooms, and the picture of every capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.datasets.synthetic.building import room_of
+from omnieval.datasets.synthetic.people import Person, bodies, passers_by
+from omnieval.datasets.synthetic.picture import photograph
+from omnieval.datasets.synthetic.render import Scene, build_scene, render_polar
+from omnieval.datasets.synthetic.tour import Tour, drive
+from omnieval.errors import DatasetError
+from omnieval.seeding import named_generator
+
+_JPEG_QUALITY = 90
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive in a light: the tour, the scene it goes through, and who is about."""
+
+    light: str
+    seed: int
+    tour: Tour
+    scene: Scene
+    people: tuple[Person, ...]
+    captures_a_tour: int
+
+    @classmethod
+    def of(cls, light: str, seed: int, frames: int | None) -> Drive:
+        """Prepare the first `frames` captures of the drive, or one whole tour."""
+        once = drive(light, seed)
+        tour = once if frames is None else drive(light, seed, frames)
+        return cls(light, seed, tour, build_scene(light, seed), passers_by(light, seed, once), len(once.times))
+
+    @property
+    def names(self) -> list[str]:
+        """File name of every capture, in COLD's form."""
+        return [
+            f"t{time:.6f}_x{x:.6f}_y{y:.6f}_a{yaw:.6f}.jpeg"
+            for time, (x, y, yaw) in zip(self.tour.times, self.tour.poses, strict=True)
+        ]
+
+    @property
+    def rooms(self) -> list[str]:
+        """Code of the room of every capture."""
+        return [room_of(x, y).code for x, y, _ in self.tour.poses]
+
+    def picture(self, index: int) -> NDArray[np.uint8]:
+        """Return the picture of a capture, shape (480, 640, 3), uint8 BGR."""
+        x, y, yaw = (float(value) for value in self.tour.poses[index])
+        people = bodies(self.people, index % self.captures_a_tour, (x, y))
+        polar = render_polar(self.scene, (x, y, yaw), people)
+        return photograph(polar, self.scene.light, named_generator(self.seed, f"noise-{self.light}", index))
+
+    def jpeg(self, index: int) -> bytes:
+        """Return the picture of a capture as the bytes of a JPEG file."""
+        done, data = cv2.imencode(".jpeg", self.picture(index), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        if not done:
+            raise DatasetError(f"cannot encode frame {index} of the synthetic sequence as JPEG")
+        return data.tobytes()
