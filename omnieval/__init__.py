@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from omnieval.benchmark import baseline
     from omnieval.config import Config, configure
     from omnieval.datasets import load
     from omnieval.descriptors.description import Description, Descriptor
@@ -24,6 +25,7 @@ __all__ = [
     "Mapper",
     "MapperConfig",
     "Run",
+    "baseline",
     "configure",
     "load",
     "map_archive",
@@ -32,6 +34,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "baseline": "omnieval.benchmark",
     "Config": "omnieval.config",
     "configure": "omnieval.config",
     "load": "omnieval.datasets",

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import typer
 from typer.exceptions import TyperException
 
-from omnieval.cli import compare, dataset, describe, diff, map_descriptors, parameters, render, replay, view
+from omnieval.cli import baseline, compare, dataset, describe, diff, map_descriptors, parameters, render, replay, view
 from omnieval.errors import OmnievalError
 
 INTERRUPTED = 130
@@ -17,7 +17,8 @@ INTERRUPTED = 130
 app = typer.Typer(
     name="omnieval",
     help="Replay incremental topological mapping over omnidirectional images and keep the evidence of every decision.",
-    epilog="A SOURCE is synthetic[:cloudy|night|sunny], cold:PATH, folder:PATH, or a path recognised by its content. "
+    epilog="A SOURCE is synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, or a path recognised "
+    "by its content. "
     "Exit codes: 0 ok, 1 unexpected, 2 usage or configuration, 3 dataset invalid, 4 regression failed, "
     "5 some jobs failed, 130 interrupted. Add --debug to any command for the traceback of an error.",
     no_args_is_help=True,
@@ -28,9 +29,12 @@ app = typer.Typer(
 )
 app.command("replay")(replay.replay)
 app.command("map")(map_descriptors.map_descriptors)
+app.command("baseline")(baseline.baseline)
 app.command("describe")(describe.describe)
 app.command("render")(render.render)
 app.command("view")(view.view)
+app.command("compare")(compare.compare)
+app.command("diff")(diff.diff)
 app.command("parameters")(parameters.parameters)
 app.add_typer(dataset.app, name="dataset")
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omnieval.baselines.controls import position_clusters, time_slices
 from omnieval.mapping.step import Placement
+from omnieval.metrics.agreement import RoomAgreement, room_agreement
 from omnieval.metrics.silhouette import Silhouettes, silhouettes
 
 _SHARES = {
@@ -23,6 +24,11 @@ _SHARES = {
     "share_unassigned": Placement.UNASSIGNED,
 }
 _SILHOUETTES = tuple(field.name for field in dataclasses.fields(Silhouettes))
+_CONTROLS = ("silhouette_time_slices", "silhouette_positions")
+_AGREEMENT = tuple(field.name for field in dataclasses.fields(RoomAgreement))
+
+METRICS = ("nodes", *_SHARES, *_SILHOUETTES, *_CONTROLS, *_AGREEMENT)
+"""The names of all metrics, in the order of `Evaluation.metrics`."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +41,10 @@ class Evaluation:
 
 def evaluate(
     labels: NDArray[np.int64],
-    placements: Sequence[Placement],
+    placements: Sequence[Placement] | None,
     positions: NDArray[np.float64] | None,
     *,
+    rooms: Sequence[str | None] | None,
     seed: int,
 ) -> Evaluation:
     """Judge a partition of a sequence.
@@ -46,32 +53,64 @@ def evaluate(
     ----------
     labels
         Node of every image, 0 where unassigned, shape (n,). Unassigned images are left out of silhouettes and
-        counted in `share_unassigned`.
+        agreement, and counted in `share_unassigned`.
     placements
-        How each image came to its node, length n. The six shares sum to 1.
+        How each image came to its node, length n; the six shares sum to 1. None for a partition that was not made
+        image by image: of the shares, only `share_unassigned` has a value.
     positions
         True capture positions, shape (n, 2), metres; None when they are not known.
+    rooms
+        Room of each image, None where it has no label, length n; None when the sequence has no labels.
     seed
         Root seed of the k-means control.
     """
-    placed = labels > 0
-    nodes = len(np.unique(labels[placed]))
+    nodes = len(np.unique(labels[labels > 0]))
+    parts = (
+        Evaluation({"nodes": nodes}, {}),
+        _shares(labels, placements),
+        _silhouettes(labels, positions, nodes, seed),
+        _agreement(labels, rooms),
+    )
+    metrics: dict[str, float | int | None] = {}
+    reasons: dict[str, str] = {}
+    for part in parts:
+        metrics |= part.metrics
+        reasons |= part.reasons
+    return Evaluation(metrics, reasons)
+
+
+def _shares(labels: NDArray[np.int64], placements: Sequence[Placement] | None) -> Evaluation:
+    if placements is None:
+        null = _null(tuple(_SHARES)[:-1], "the images were not placed one by one")
+        return Evaluation(null.metrics | {"share_unassigned": float((labels == 0).mean())}, null.reasons)
     counted = Counter(placements)
-    metrics: dict[str, float | int | None] = {"nodes": nodes}
-    metrics |= {name: counted[placement] / len(labels) for name, placement in _SHARES.items()}
-    names = (*_SILHOUETTES, "silhouette_time_slices", "silhouette_positions")
+    return Evaluation({name: counted[placement] / len(labels) for name, placement in _SHARES.items()}, {})
+
+
+def _silhouettes(labels: NDArray[np.int64], positions: NDArray[np.float64] | None, nodes: int, seed: int) -> Evaluation:
+    names = (*_SILHOUETTES, *_CONTROLS)
     if positions is None:
-        return _null(metrics, names, "the sequence has no poses")
+        return _null(names, "the sequence has no poses")
     if nodes < 2:
-        return _null(metrics, names, f"a silhouette needs at least two nodes, the map has {nodes}")
-    metrics |= dataclasses.asdict(silhouettes(positions[placed], labels[placed]))
+        return _null(names, f"a silhouette needs at least two nodes, the map has {nodes}")
+    placed = labels > 0
+    metrics: dict[str, float | int | None] = dataclasses.asdict(silhouettes(positions[placed], labels[placed]))
     metrics["silhouette_time_slices"] = silhouettes(positions, time_slices(len(labels), nodes)).silhouette
     if len(np.unique(positions, axis=0)) < nodes:
-        return _null(metrics, names[-1:], "there are fewer different positions than nodes")
+        null = _null(_CONTROLS[-1:], "there are fewer different positions than nodes")
+        return Evaluation(metrics | null.metrics, null.reasons)
     controls = position_clusters(positions, nodes, seed=seed)
     metrics["silhouette_positions"] = silhouettes(positions, controls).silhouette
     return Evaluation(metrics, {})
 
 
-def _null(metrics: dict[str, float | int | None], names: Sequence[str], reason: str) -> Evaluation:
-    return Evaluation(metrics | dict.fromkeys(names), dict.fromkeys(names, reason))
+def _agreement(labels: NDArray[np.int64], rooms: Sequence[str | None] | None) -> Evaluation:
+    if rooms is None or all(room is None for room in rooms):
+        return _null(_AGREEMENT, "the sequence has no room labels")
+    if not any(room is not None and node > 0 for room, node in zip(rooms, labels, strict=True)):
+        return _null(_AGREEMENT, "no image has both a room label and a node")
+    return Evaluation(dataclasses.asdict(room_agreement(labels, rooms)), {})
+
+
+def _null(names: Sequence[str], reason: str) -> Evaluation:
+    return Evaluation(dict.fromkeys(names), dict.fromkeys(names, reason))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import polars as pl
 
 from omnieval.mapping.step import EventKind, Placement, Verdict
+from omnieval.metrics.evaluation import METRICS
 
 SCHEMA_VERSION = 1
 
@@ -90,3 +91,18 @@ to it; null for nodes that merged into another."""
 
 TRANSITIONS = _schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
 """The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""
+
+PARTITIONS = _schema(
+    {
+        "dataset": pl.String,
+        "descriptor": pl.String,
+        "method": pl.String,
+        "similarity": pl.String,
+        "k": pl.Int32,
+        **{name: pl.Int32 if name == "nodes" else pl.Float64 for name in METRICS},
+        "seconds": pl.Float64,
+    }
+)
+"""One row a baseline partition: what made it, the metrics of a run, and the seconds it takes on its own, i.e. with the
+work that the rows of one table share. `k` is the number of clusters asked for, null where the method finds it itself;
+`similarity` is null where none is used."""

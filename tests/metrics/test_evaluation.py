@@ -10,6 +10,7 @@ from omnieval.metrics.silhouette import silhouettes
 
 SILHOUETTES = {"silhouette", "silhouette_image", "silhouette_literal", "silhouette_sq"}
 CONTROLS = {"silhouette_time_slices", "silhouette_positions"}
+AGREEMENT = {"rooms_ari", "rooms_nmi", "rooms_homogeneity", "rooms_completeness", "rooms_purity"}
 
 
 def a_map():
@@ -21,7 +22,7 @@ def a_map():
 
 def test_shares_count_every_image_once():
     labels, placements, positions = a_map()
-    metrics = evaluate(labels, placements, positions, seed=0).metrics
+    metrics = evaluate(labels, placements, positions, rooms=None, seed=0).metrics
     shares = {name: value for name, value in metrics.items() if name.startswith("share_")}
     assert shares["share_founding"] == 0.5
     assert shares["share_assigned"] == shares["share_pending"] == shares["share_forced"] == 0.125
@@ -31,14 +32,14 @@ def test_shares_count_every_image_once():
 
 def test_unassigned_images_are_left_out_of_the_silhouettes():
     labels, placements, positions = a_map()
-    metrics = evaluate(labels, placements, positions, seed=0).metrics
+    metrics = evaluate(labels, placements, positions, rooms=None, seed=0).metrics
     assert metrics["nodes"] == 3
     assert metrics["silhouette"] == silhouettes(positions[labels > 0], labels[labels > 0]).silhouette
 
 
 def test_controls_have_as_many_clusters_as_the_map_has_nodes():
     labels, placements, positions = a_map()
-    metrics = evaluate(labels, placements, positions, seed=0).metrics
+    metrics = evaluate(labels, placements, positions, rooms=None, seed=0).metrics
     assert metrics["silhouette_time_slices"] == silhouettes(positions, time_slices(8, 3)).silhouette
     assert metrics["silhouette_positions"] == silhouettes(positions, position_clusters(positions, 3, seed=0)).silhouette
     assert metrics["silhouette_positions"] >= metrics["silhouette_time_slices"]
@@ -46,8 +47,8 @@ def test_controls_have_as_many_clusters_as_the_map_has_nodes():
 
 def test_without_poses_position_metrics_are_null_with_a_reason():
     labels, placements, _ = a_map()
-    evaluation = evaluate(labels, placements, None, seed=0)
-    assert set(evaluation.reasons) == SILHOUETTES | CONTROLS
+    evaluation = evaluate(labels, placements, None, rooms=None, seed=0)
+    assert set(evaluation.reasons) == SILHOUETTES | CONTROLS | AGREEMENT
     assert all(evaluation.metrics[name] is None for name in evaluation.reasons)
     assert "no poses" in evaluation.reasons["silhouette"]
     assert evaluation.metrics["nodes"] == 3
@@ -55,13 +56,13 @@ def test_without_poses_position_metrics_are_null_with_a_reason():
 
 @pytest.mark.parametrize(("labels", "nodes"), [([0, 0, 0], 0), ([5, 5, 5], 1)])
 def test_fewer_than_two_nodes_have_no_silhouette(labels, nodes):
-    evaluation = evaluate(np.array(labels), [Placement.FOUNDING] * 3, np.eye(3, 2), seed=0)
+    evaluation = evaluate(np.array(labels), [Placement.FOUNDING] * 3, np.eye(3, 2), rooms=None, seed=0)
     assert evaluation.metrics["nodes"] == nodes
     assert f"the map has {nodes}" in evaluation.reasons["silhouette"]
 
 
 def test_every_image_its_own_node_among_equal_positions():
-    evaluation = evaluate(np.arange(1, 4), [Placement.FOUNDING] * 3, np.zeros((3, 2)), seed=0)
+    evaluation = evaluate(np.arange(1, 4), [Placement.FOUNDING] * 3, np.zeros((3, 2)), rooms=None, seed=0)
     assert evaluation.metrics["silhouette"] == 0.0
     assert evaluation.metrics["silhouette_positions"] is None
     assert "fewer different positions" in evaluation.reasons["silhouette_positions"]

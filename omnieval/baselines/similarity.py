@@ -1,0 +1,79 @@
+"""Similarity of all pairs of images, from the distances of their position descriptors.
+
+The benchmark of doi 10.3390/app10186480 (section 6) does not say which similarity it clusters; these are the usual
+three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import pdist, squareform
+
+Similarity = Literal["gaussian-median", "local-scaling", "knn"]
+
+_LOCAL_NEIGHBOUR = 7
+"""Whose distance is an image's own scale (Zelnik-Manor and Perona 2004, section 2)."""
+_GRAPH_NEIGHBOURS = 10
+"""Edges from each image of the neighbour graph, as in scikit-learn's spectral clustering."""
+
+
+def similarity_matrix(descriptors: NDArray[np.floating], similarity: Similarity) -> NDArray[np.float64]:
+    """Return the similarity of every pair of images, shape (n, n), symmetric, 0 on the diagonal.
+
+    Parameters
+    ----------
+    descriptors
+        Position descriptors, shape (n, d), n >= 2.
+    similarity
+        ``gaussian-median``: exp(-d^2 / (2 sigma^2)), sigma the median distance of all pairs.
+        ``local-scaling``: exp(-d_ij^2 / (sigma_i sigma_j)), sigma_i the distance of image i to its 7th neighbour
+        (Zelnik-Manor and Perona, NIPS 2004).
+        ``knn``: 1 where each of two images is among the 10 nearest of the other, 1/2 where only one is, else 0.
+    """
+    # In double precision and by differences: near-duplicates, which decide the local scales, would drown otherwise.
+    distances = squareform(pdist(np.asarray(descriptors, np.float64)))
+    similarities = SIMILARITIES[similarity](distances)
+    np.fill_diagonal(similarities, 0.0)
+    return similarities
+
+
+def gaussian_median(distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """exp(-d^2 / (2 sigma^2)) with sigma the median distance of all pairs; shape (n, n) in and out."""
+    sigma = _positive(np.median(squareform(distances, checks=False), keepdims=True), distances)
+    return np.asarray(np.exp(-np.square(distances / sigma) / 2))
+
+
+def local_scaling(distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """exp(-d_ij^2 / (sigma_i sigma_j)) with sigma_i the distance to the 7th neighbour; shape (n, n) in and out."""
+    neighbour = min(_LOCAL_NEIGHBOUR, len(distances) - 1)
+    sigma = _positive(np.partition(distances, neighbour, axis=1)[:, neighbour], distances)
+    return np.asarray(np.exp(-np.square(distances) / np.outer(sigma, sigma)))
+
+
+def neighbour_graph(distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetrised graph of the 10 nearest neighbours; shape (n, n) in and out."""
+    others = distances.copy()
+    np.fill_diagonal(others, np.inf)
+    # A stable sort: of equally near neighbours the earlier ones, on every machine.
+    nearest = np.argsort(others, axis=1, kind="stable")[:, : min(_GRAPH_NEIGHBOURS, len(distances) - 1)]
+    graph = np.zeros_like(distances)
+    np.put_along_axis(graph, nearest, 1.0, axis=1)
+    return (graph + graph.T) / 2
+
+
+SIMILARITIES: dict[Similarity, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+    "gaussian-median": gaussian_median,
+    "local-scaling": local_scaling,
+    "knn": neighbour_graph,
+}
+"""Similarities by the name they are asked for with."""
+
+
+def _positive(scales: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scales with those that equal images have brought to 0 replaced by the smallest positive distance."""
+    positive = distances[distances > 0]
+    return np.where(scales > 0, scales, positive.min() if positive.size else 1.0)

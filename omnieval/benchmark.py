@@ -1,0 +1,260 @@
+"""Baselines over the material of a replay: the same images, the same metrics, partitions made by other means."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from omnieval.baselines.methods import METHODS, Images, Method
+from omnieval.baselines.similarity import SIMILARITIES, Similarity
+from omnieval.config import Config, resolve
+from omnieval.datasets import Sequence, load
+from omnieval.descriptors.cache import DescriptorCache
+from omnieval.descriptors.description import Descriptor
+from omnieval.errors import ConfigError, OmnievalError
+from omnieval.material import Material, archive_material, image_material
+from omnieval.metrics.evaluation import evaluate
+from omnieval.results.partition_folder import PartitionWriter
+from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
+from omnieval.results.run_folder import free_folder, open_run
+from omnieval.wording import did_you_mean
+
+Progress = Callable[[int, int], None]
+RUNS = Path("runs")
+KS = tuple(range(2, 41))
+"""The numbers of clusters when none are asked for."""
+
+
+@dataclass(frozen=True)
+class BaselineRun:
+    """A baseline folder, what its ``run.json`` says, and its table (`schemas.PARTITIONS`)."""
+
+    folder: Path
+    manifest: dict[str, Any]
+    table: pl.DataFrame
+
+
+@dataclass(frozen=True)
+class _Order:
+    """What is to be made: a method, its similarity (None if it uses none) and the numbers of clusters."""
+
+    name: str
+    method: Method
+    similarity: Similarity | None
+    ks: tuple[int, ...]
+
+
+class Options(TypedDict, total=False):
+    """What may be asked of a baseline; `run_baseline` describes each."""
+
+    method: str
+    similarity: str | None
+    ks: Iterable[int] | None
+    at_k_of: Path | None
+    config: Config | None
+    descriptor: Descriptor | None
+    out: Path | None
+    overwrite: bool
+    progress: Progress | None
+
+
+def baseline(source: str | Path | Sequence = "synthetic", **options: Unpack[Options]) -> pl.DataFrame:
+    """Part a sequence by another method and return one row a partition (`schemas.PARTITIONS`); see `run_baseline`."""
+    return run_baseline(source, **options).table
+
+
+def run_baseline(
+    source: str | Path | Sequence = "synthetic",
+    *,
+    method: str = "spectral",
+    similarity: str | None = None,
+    ks: Iterable[int] | None = None,
+    at_k_of: Path | None = None,
+    config: Config | None = None,
+    descriptor: Descriptor | None = None,
+    out: Path | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> BaselineRun:
+    """Part a sequence by a batch or control method, judge it like a map, and write the baseline folder.
+
+    Parameters
+    ----------
+    source
+        A source as on the command line, a sequence, or an archive of descriptors (``.npz``).
+    method
+        A name of `baselines.methods.METHODS`.
+    similarity
+        For ``spectral``: ``gaussian-median`` (default), ``local-scaling`` or ``knn``.
+    ks
+        Numbers of clusters; default 2 to 40, or as many of them as there are images.
+    at_k_of
+        A run folder whose number of nodes is a number of clusters too; alone, the only one.
+    config
+        Descriptor, imaging and seed; default `recommended`.
+    descriptor
+        A descriptor of one's own; default the one `config` names.
+    out
+        Folder to write; default ``runs/<sequence>-<descriptor>-<method>[-<n>]``.
+    overwrite
+        Replace an earlier baseline in `out`.
+    progress
+        Called with (done, in all): frames first, then partitions.
+
+    Raises
+    ------
+    ConfigError
+        If method, similarity or a number of clusters is wrong.
+    DatasetError
+        If the sequence cannot be read or lacks what the method needs.
+    ResultError
+        If the folder cannot be written, or `at_k_of` is no complete run.
+    """
+    config = config or resolve()
+    order = _order(method, similarity, ks, at_k_of)
+    with _opened(source, config, descriptor) as material:
+        order = _within(order, len(material.frames), material.source, asked=ks is not None or at_k_of is not None)
+        images = _undescribed(material)
+        order.method.check(images)
+        folder = out or free_folder(RUNS, f"{material.name}-{material.descriptor}-{method}")
+        manifest = _manifest(material, config, order, at_k_of)
+        writer = PartitionWriter(folder, manifest, overwrite=overwrite)
+        try:
+            return _run(material, images, config, order, writer, progress)
+        except KeyboardInterrupt:
+            writer.close("interrupted", {"reason": "interrupted by the user"})
+            raise
+        except OmnievalError as error:
+            writer.close("failed", {"reason": str(error)})
+            raise
+
+
+@contextmanager
+def _opened(source: str | Path | Sequence, config: Config, descriptor: Descriptor | None) -> Iterator[Material]:
+    """Give the material of a source, with the descriptor cache open while it is described."""
+    if isinstance(source, str | Path) and str(source).endswith(".npz"):
+        yield archive_material(Path(source))
+        return
+    sequence = source if isinstance(source, Sequence) else load(source)
+    with DescriptorCache() as cache:
+        yield image_material(sequence, config, descriptor or config.make_descriptor(), cache)
+
+
+def _order(method: str, similarity: str | None, ks: Iterable[int] | None, at_k_of: Path | None) -> _Order:
+    if method not in METHODS:
+        raise ConfigError(f"unknown method {method!r}; {did_you_mean(method, METHODS)}")
+    known = METHODS[method]
+    chosen = next((name for name in SIMILARITIES if name == (similarity or "gaussian-median")), None)
+    if chosen is None:
+        raise ConfigError(f"unknown similarity {similarity!r}; {did_you_mean(str(similarity), SIMILARITIES)}")
+    if similarity is not None and not known.takes_similarity:
+        raise ConfigError(f"method {method} uses no similarity; leave --similarity out")
+    if not known.takes_k:
+        if ks is not None or at_k_of is not None:
+            raise ConfigError(f"method {method} takes no number of clusters; leave --k and --at-k-of out")
+        return _Order(method, known, None, ())
+    asked = {*ks} if ks is not None else set() if at_k_of is not None else {*KS}
+    if at_k_of is not None:
+        asked.add(_nodes_of(at_k_of))
+    if not asked or min(asked) < 1:
+        raise ConfigError(f"numbers of clusters must be 1 or more, got {', '.join(map(str, sorted(asked))) or 'none'}")
+    return _Order(method, known, chosen if known.takes_similarity else None, tuple(sorted(asked)))
+
+
+def _nodes_of(folder: Path) -> int:
+    nodes = open_run(folder).metrics.get("nodes")
+    if not nodes:
+        raise ConfigError(f"{folder} has no number of nodes; name the folder of a complete replay")
+    return int(nodes)
+
+
+def _within(order: _Order, images: int, source: str, *, asked: bool) -> _Order:
+    """Check the numbers of clusters against the number of images; what nobody asked for is dropped."""
+    if order.similarity is not None and images < 2:
+        raise ConfigError(f"{source}: a similarity needs at least 2 images, there is {images}")
+    ks = tuple(k for k in order.ks if k <= images)
+    if order.method.takes_k and (not ks or (asked and ks != order.ks)):
+        raise ConfigError(f"{source}: {order.ks[-1]} clusters need as many images, there are {images}")
+    return _Order(order.name, order.method, order.similarity, ks)
+
+
+def _run(
+    material: Material,
+    undescribed: Images,
+    config: Config,
+    order: _Order,
+    writer: PartitionWriter,
+    progress: Progress | None,
+) -> BaselineRun:
+    seed = config.mapper.seed
+    descriptors, digests = _describe(material, progress)
+    images = replace(undescribed, descriptors=descriptors)
+    started = time.perf_counter()
+    partition = order.method.prepare(images, order.similarity or "gaussian-median", max(order.ks, default=0), seed)
+    shared = time.perf_counter() - started
+    reasons: dict[str, dict[str, None]] = {}
+    asked = order.ks or (0,)
+    for done, k in enumerate(asked, start=1):
+        before = time.perf_counter()
+        labels = partition(k)
+        seconds = shared + time.perf_counter() - before
+        evaluation = evaluate(labels, None, images.positions, rooms=images.rooms, seed=seed)
+        for name, reason in evaluation.reasons.items():
+            reasons.setdefault(name, {})[reason] = None
+        made = {"dataset": material.name, "descriptor": material.descriptor, "method": order.name}
+        writer.row(made | {"similarity": order.similarity, "k": k or None} | evaluation.metrics | {"seconds": seconds})
+        if progress:
+            progress(done, len(asked))
+    fingerprint = dataset_fingerprint(material.frames, digests)
+    determining = {"baseline": _described(order), "seed": seed, **material.determining}
+    outcome = {
+        "dataset_fingerprint": fingerprint,
+        "identity": identity(determining, fingerprint),
+        "null_reasons": {name: "; ".join(why) for name, why in reasons.items()},
+        "timings": {"shared_seconds": shared, "seconds": time.perf_counter() - started},
+    }
+    return BaselineRun(writer.folder, writer.close("complete", outcome), writer.table)
+
+
+def _undescribed(material: Material) -> Images:
+    rooms = tuple(frame.room for frame in material.frames)
+    return Images(material.source, np.empty((len(rooms), 0), np.float32), material.positions, rooms)
+
+
+def _describe(material: Material, progress: Progress | None) -> tuple[NDArray[np.float32], list[str]]:
+    """Return the position descriptors of the material, shape (n, d), and the digests of its images."""
+    descriptors, digests = [], []
+    for described in material.described:
+        descriptors.append(described.description.position)
+        digests.append(described.digest)
+        if progress:
+            progress(len(digests), len(material.frames))
+    return np.stack(descriptors), digests
+
+
+def _manifest(material: Material, config: Config, order: _Order, at_k_of: Path | None) -> dict[str, Any]:
+    """Return what ``run.json`` says when the baseline begins."""
+    extra = order.method.extra
+    return {
+        "source": material.source,
+        **material.about,
+        "frames": len(material.frames),
+        "descriptor": material.descriptor,
+        "baseline": _described(order) | {"at_k_of": None if at_k_of is None else str(at_k_of)},
+        "configuration": config.model_dump(mode="json"),
+        "versions": versions() | ({extra: version(extra)} if extra else {}),
+        "code": code_digest(),
+    }
+
+
+def _described(order: _Order) -> dict[str, Any]:
+    return {"method": order.name, "similarity": order.similarity, "ks": list(order.ks)}

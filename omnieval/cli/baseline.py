@@ -1,0 +1,139 @@
+"""``omnieval baseline``: batch and control partitions, judged like a map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from omnieval.cli import options
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from omnieval.datasets.sequence import Sequence
+
+_SHOWN = ("k", "nodes", "silhouette", "silhouette_time_slices", "silhouette_positions", "rooms_ari", "rooms_nmi")
+_SHOWN_LAST = ("rooms_purity", "share_unassigned", "seconds")
+
+
+def baseline(
+    source: Annotated[
+        str, typer.Argument(help="Sequence as for replay, or an archive of descriptors (FILE.npz).", metavar="SOURCE")
+    ] = "synthetic",
+    method: Annotated[
+        str,
+        typer.Option(help="spectral, kmeans, agglomerative, dbstream, time-slices, positions or rooms."),
+    ] = "spectral",
+    similarity: Annotated[
+        str | None, typer.Option(help="Of spectral: gaussian-median (default), local-scaling or knn.")
+    ] = None,
+    k: Annotated[
+        str | None, typer.Option("--k", help="Numbers of clusters: 2:40 (default), 5,9,20 or 7.", metavar="KS")
+    ] = None,
+    at_k_of: Annotated[
+        Path | None, typer.Option("--at-k-of", help="As many clusters as this run has nodes.", metavar="RUN")
+    ] = None,
+    set_: options.Set = None,
+    config: options.ConfigFile = None,
+    descriptor: options.DescriptorName = None,
+    start: options.Start = 0,
+    stride: options.Stride = 1,
+    limit: options.Limit = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder to write; default runs/<sequence>-<descriptor>-<method>[-<n>].", metavar="DIR"),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier baseline in the same folder.")
+    ] = False,
+    json: options.Json = False,
+) -> None:
+    """Part a sequence by a batch or control method and judge it with the metrics of a replay.
+
+    Writes baseline.parquet, one row a number of clusters, and prints it.
+
+    Examples:
+
+      omnieval baseline synthetic:night
+
+      omnieval baseline cold:/data/seq2_cloudy3 --similarity local-scaling --k 2:60
+
+      omnieval baseline synthetic --method kmeans --at-k-of runs/synthetic-cloudy-hog
+
+      omnieval baseline mine.npz --method positions --k 5,10,20 --json
+    """
+    from omnieval.benchmark import run_baseline
+    from omnieval.cli.console import print_json, progress
+
+    resolved = options.configuration(set_, config, None, descriptor)
+    material = _material(source, descriptor, start, stride, limit)
+    ks = None if k is None else parse_ks(k)
+    with progress(method) as report:
+        run = run_baseline(
+            material,
+            method=method,
+            similarity=similarity,
+            ks=ks,
+            at_k_of=at_k_of,
+            config=resolved,
+            out=out,
+            overwrite=overwrite,
+            progress=report,
+        )
+    if json:
+        print_json({"run": str(run.folder), **run.manifest, "rows": run.table.to_dicts()})
+        return
+    print(run.folder)
+    for line in _aligned(run.table):
+        print(line)
+    for name, reason in run.manifest["null_reasons"].items():
+        if name in _SHOWN:
+            print(f"{name}: {reason}")
+
+
+def parse_ks(text: str) -> list[int]:
+    """Read numbers of clusters: ``2:40`` (both included), ``5,9,20`` or ``7``.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither, or the range is empty.
+    """
+    from omnieval.errors import ConfigError
+
+    first, colon, last = text.partition(":")
+    try:
+        ks = list(range(int(first), int(last) + 1)) if colon else [int(part) for part in text.split(",")]
+    except ValueError:
+        ks = []
+    if not ks:
+        raise ConfigError(f"--k {text!r}: expected numbers of clusters such as 2:40, 5,9,20 or 7")
+    return ks
+
+
+def _material(source: str, descriptor: str | None, start: int, stride: int, limit: int | None) -> str | Sequence:
+    from omnieval.errors import ConfigError
+
+    if not source.endswith(".npz"):
+        return options.sequence(source, start, stride, limit)
+    if descriptor is not None or (start, stride, limit) != (0, 1, None):
+        raise ConfigError(f"{source} is taken as it is; leave --descriptor, --start, --stride and --limit out")
+    return source
+
+
+def _aligned(table: pl.DataFrame) -> Iterator[str]:
+    """Yield the table's lines for people: a header and one line a row, columns right-aligned."""
+    columns = [*_SHOWN, *_SHOWN_LAST]
+    rows = [columns, *([_cell(value) for value in row] for row in table.select(columns).iter_rows())]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(columns))]
+    for row in rows:
+        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True))
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.4f}" if isinstance(value, float) else str(value)
