@@ -6,18 +6,14 @@ written as they come, so that a killed baseline leaves a readable prefix.
 
 from __future__ import annotations
 
-import os
-import platform
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from omnieval.errors import ResultError
-from omnieval.results.atomic import write_json, write_table
-from omnieval.results.run_folder import MANIFEST, open_run
-from omnieval.results.schemas import PARTITIONS, SCHEMA_VERSION
+from omnieval.results.atomic import write_table
+from omnieval.results.manifest import Manifest
+from omnieval.results.schemas import PARTITIONS
 
 TABLE = "baseline.parquet"
 KIND = "baseline"
@@ -42,19 +38,9 @@ class PartitionWriter:
     """
 
     def __init__(self, folder: Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
-        _claim(folder, overwrite=overwrite)
         self.folder = folder
         self.table = PARTITIONS.to_frame()
-        self._manifest = {
-            "schema_version": SCHEMA_VERSION,
-            "kind": KIND,
-            "status": "running",
-            "started": _now(),
-            "process": {"pid": os.getpid(), "host": platform.node()},
-            "metrics": {},
-            **manifest,
-        }
-        write_json(self._manifest, folder / MANIFEST)
+        self._manifest = Manifest(folder, KIND, manifest, files=[TABLE], overwrite=overwrite)
 
     def row(self, row: dict[str, Any]) -> None:
         """Add a row of the columns `schemas.PARTITIONS`; the table on disk has it from then on."""
@@ -63,26 +49,5 @@ class PartitionWriter:
 
     def close(self, status: str, manifest: dict[str, Any]) -> dict[str, Any]:
         """Close the folder as ``complete``, ``interrupted`` or ``failed`` and return what ``run.json`` says."""
-        self._manifest |= {**manifest, "status": status, "finished": _now()}
-        write_json(self._manifest, self.folder / MANIFEST)
-        return self._manifest
-
-
-def _claim(folder: Path, *, overwrite: bool) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        occupied = any(folder.iterdir())
-    except OSError as error:
-        raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
-    if not occupied:
-        return
-    if not (folder / MANIFEST).exists() or open_run(folder).manifest.get("kind") != KIND:
-        raise ResultError(f"{folder} holds files that are not a baseline of omnieval; choose another --out")
-    if not overwrite:
-        raise ResultError(f"{folder} holds a baseline already; choose another --out or pass --overwrite")
-    for name in (MANIFEST, TABLE):
-        (folder / name).unlink(missing_ok=True)
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+        self._manifest.close(status, manifest)
+        return self._manifest.content

@@ -14,8 +14,8 @@ from typing import Any
 from omnieval.datasets.sequence import Frame
 
 _LIBRARIES = ("numpy", "scipy", "scikit-learn", "opencv-python-headless", "polars", "pydantic", "rerun-sdk")
-_DECIDING = ("datasets/sequence.py", "imaging", "descriptors", "mapping", "seeding.py")
-"""The parts of the package that a decision can depend on."""
+_DECIDING = ("datasets/sequence.py", "imaging", "descriptors", "mapping", "baselines", "metrics", "seeding.py")
+"""The parts of the package that a result can depend on."""
 
 
 def versions() -> dict[str, str]:
@@ -26,7 +26,7 @@ def versions() -> dict[str, str]:
 
 @cache
 def code_digest() -> str:
-    """Return a digest of the source files that a decision can depend on."""
+    """Return a digest of the source files that a result can depend on."""
     root = Path(__file__).parents[1]
     parts = [root / name for name in _DECIDING]
     files = sorted(file for part in parts for file in (part.rglob("*.py") if part.is_dir() else [part]))

@@ -12,24 +12,21 @@ Steps are written in parts as they come, so that a killed run leaves a readable 
 
 from __future__ import annotations
 
-import json
-import os
-import platform
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from omnieval.errors import ResultError
-from omnieval.results.atomic import write_json, write_table
-from omnieval.results.schemas import SCHEMA_VERSION, STEPS
+from omnieval.results.atomic import write_table
+from omnieval.results.manifest import Manifest, read_manifest, status_of
+from omnieval.results.schemas import STEPS
 from omnieval.results.tables import steps_frame
 
-MANIFEST = "run.json"
+KIND = "replay"
 RECORDING = "replay.rrd"
 TABLES = ("steps", "nodes", "transitions")
 _PARTS = "parts"
@@ -55,8 +52,7 @@ class Run:
     @property
     def status(self) -> str:
         """``running``, ``complete``, ``interrupted`` or ``failed``; a dead process does not run."""
-        status: str = self.manifest["status"]
-        return "interrupted" if status == "running" and not _alive(self.manifest["process"]) else status
+        return status_of(self.manifest)
 
     @property
     def steps(self) -> pl.DataFrame:
@@ -97,20 +93,7 @@ def open_run(folder: Path) -> Run:
     ResultError
         If it is not one, or one of a schema this version does not know.
     """
-    path = folder / MANIFEST
-    try:
-        manifest = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError as error:
-        raise ResultError(f"{folder} is not a run folder: it has no {MANIFEST}") from error
-    except (OSError, ValueError) as error:
-        raise ResultError(f"cannot read {path}: {error}; replay the sequence again") from error
-    found = manifest.get("schema_version") if isinstance(manifest, dict) else None
-    if found != SCHEMA_VERSION:
-        raise ResultError(
-            f"{path} has schema version {found}, this omnieval reads {SCHEMA_VERSION}; "
-            "replay the sequence again or use the version that wrote it"
-        )
-    return Run(folder, manifest)
+    return Run(folder, read_manifest(folder, KIND))
 
 
 class RunWriter:
@@ -133,19 +116,12 @@ class RunWriter:
 
     def __init__(self, folder: Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
         self.folder = folder
-        self._claim(overwrite=overwrite)
+        files = [RECORDING, *(f"{table}.parquet" for table in TABLES)]
+        self._manifest = Manifest(folder, KIND, manifest, files=files, overwrite=overwrite)
+        _remove_parts(folder)
         self._rows: list[dict[str, Any]] = []
         self._written: list[pl.DataFrame] = []
         self._last_write = time.monotonic()
-        self._manifest = {
-            "schema_version": SCHEMA_VERSION,
-            "status": "running",
-            "started": _now(),
-            "process": {"pid": os.getpid(), "host": platform.node()},
-            "metrics": {},
-            **manifest,
-        }
-        write_json(self._manifest, folder / MANIFEST)
 
     def step(self, row: dict[str, Any]) -> None:
         """Add the row of one step (`tables.step_row`)."""
@@ -168,9 +144,8 @@ class RunWriter:
 
     def annotate(self, manifest: dict[str, Any]) -> Run:
         """Add to ``run.json`` of a closed run what was learned since."""
-        self._manifest |= manifest
-        write_json(self._manifest, self.folder / MANIFEST)
-        return Run(self.folder, self._manifest)
+        self._manifest.update(manifest)
+        return Run(self.folder, self._manifest.content)
 
     def abandon(self, status: str, reason: str) -> Run:
         """Close a run that did not reach its end (`interrupted` or `failed`); its steps stay readable."""
@@ -190,27 +165,9 @@ class RunWriter:
         self._last_write = time.monotonic()
 
     def _close(self, status: str, manifest: dict[str, Any]) -> Run:
-        self._manifest |= {**manifest, "status": status, "finished": _now()}
-        write_json(self._manifest, self.folder / MANIFEST)
+        self._manifest.close(status, manifest)
         _remove_parts(self.folder)
-        return Run(self.folder, self._manifest)
-
-    def _claim(self, *, overwrite: bool) -> None:
-        folder = self.folder
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            occupied = any(folder.iterdir())
-        except OSError as error:
-            raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
-        if not occupied:
-            return
-        if not (folder / MANIFEST).exists():
-            raise ResultError(f"{folder} holds files that are not a run of omnieval; choose another --out")
-        if not overwrite:
-            raise ResultError(f"{folder} holds a run already; choose another --out or pass --overwrite")
-        for name in [MANIFEST, RECORDING, *(f"{table}.parquet" for table in TABLES)]:
-            (folder / name).unlink(missing_ok=True)
-        _remove_parts(folder)
+        return Run(self.folder, self._manifest.content)
 
 
 def free_folder(parent: Path, name: str) -> Path:
@@ -239,20 +196,3 @@ def _read_table(path: Path) -> pl.DataFrame:
         return pl.read_parquet(path)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise ResultError(f"cannot read {path}: {error}; replay the sequence again") from error
-
-
-def _alive(process: dict[str, Any]) -> bool:
-    """Whether the process that writes a run still exists, as far as this machine can tell."""
-    if os.name != "posix" or process["host"] != platform.node():
-        return True
-    try:
-        os.kill(process["pid"], 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -20,6 +20,8 @@ def summary_fields(run: Run) -> Iterator[tuple[str, str]]:
     yield "silhouette", _value(metrics["silhouette"], reasons.get("silhouette"))
     yield "  time slices", _value(metrics["silhouette_time_slices"], reasons.get("silhouette_time_slices"))
     yield "  true positions", _value(metrics["silhouette_positions"], reasons.get("silhouette_positions"))
+    if metrics["rooms_ari"] is not None:
+        yield "room labels", f"ARI {metrics['rooms_ari']:.3f}, purity {metrics['rooms_purity']:.3f}"
     shares = {
         "by loop closure": "share_assigned",
         "by a pending node": "share_pending",

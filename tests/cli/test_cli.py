@@ -83,7 +83,7 @@ def test_a_second_run_gets_a_folder_of_its_own_and_out_is_never_overwritten_unas
     first, second = in_process(*arguments, cwd=tmp_path), in_process(*arguments, cwd=tmp_path)
     assert second.stdout.splitlines()[0] == first.stdout.splitlines()[0] + "-2"
     assert in_process(*arguments, "--out", "here", cwd=tmp_path).returncode == 0
-    fails(in_process(*arguments, "--out", "here", cwd=tmp_path), 2, "here holds a run already", "--overwrite")
+    fails(in_process(*arguments, "--out", "here", cwd=tmp_path), 2, "here holds a replay already", "--overwrite")
     assert in_process(*arguments, "--out", "here", "--overwrite", cwd=tmp_path).returncode == 0
 
 

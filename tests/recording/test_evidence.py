@@ -122,9 +122,7 @@ def test_an_infinite_ratio_is_not_drawn():
 
 
 def test_refusals_stand_out_in_the_log():
-    levels = {
-        decided.verdict: by_entity(word_rows(decided, GAMMA))[layout.LOG_DECISION].level for decided in steps(30)
-    }
+    levels = {decided.verdict: by_entity(word_rows(decided, GAMMA))[layout.LOG_DECISION].level for decided in steps(30)}
     refused = {verdict for verdict, level in levels.items() if level == "WARN"}
     assert refused == {Verdict.NO_CANDIDATE, Verdict.PROMINENCE, Verdict.CENTROID}
 

@@ -69,7 +69,7 @@ def test_a_killed_run_is_interrupted(tmp_path):
 
 def test_nothing_is_overwritten_unasked(tmp_path):
     RunWriter(tmp_path / "run", {"source": "first"}).complete({}, {})
-    with pytest.raises(ResultError, match="holds a run already"):
+    with pytest.raises(ResultError, match="holds a replay already"):
         RunWriter(tmp_path / "run", {})
     assert open_run(tmp_path / "run").manifest["source"] == "first"
 
@@ -86,7 +86,7 @@ def test_overwriting_removes_only_what_a_run_wrote(tmp_path):
 def test_a_folder_that_is_no_run_is_never_touched(tmp_path):
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "steps.parquet").write_text("not ours")
-    with pytest.raises(ResultError, match="not a run of omnieval"):
+    with pytest.raises(ResultError, match="not a replay of omnieval"):
         RunWriter(tmp_path / "photos", {}, overwrite=True)
     assert (tmp_path / "photos" / "steps.parquet").read_text() == "not ours"
 
@@ -100,7 +100,13 @@ def test_the_next_free_name_is_numbered(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "not a run folder"), ("{", "cannot read"), ('{"schema_version": 99}', "schema version 99"), ("[]", "None")],
+    [
+        (None, "not a run folder"),
+        ('{"schema_version": 1, "kind": "baseline"}', "a baseline, not a replay"),
+        ("{", "cannot read"),
+        ('{"schema_version": 99}', "schema version 99"),
+        ("[]", "None"),
+    ],
 )
 def test_what_is_no_run_is_refused(tmp_path, content, message):
     if content is not None:
