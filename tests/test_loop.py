@@ -50,15 +50,15 @@ def test_tables_have_their_schemas(run):
 def test_the_tables_agree_with_each_other(run):
     steps, nodes = run.steps, run.nodes
     counted = steps.group_by("node_final").len().sort("node_final")
-    present = nodes.filter(pl.col("merged").is_null()).sort("node")
-    assert counted["node_final"].to_list() == present["node"].to_list()
+    present = nodes.filter(pl.col("merged").is_null()).sort("id")
+    assert counted["node_final"].to_list() == present["id"].to_list()
     assert counted["len"].to_list() == present["images"].to_list()
     assert run.metrics["nodes"] == len(present)
     assert run.transitions["count"].sum() == (steps["node_final"].diff().drop_nulls() != 0).sum()
     shares = [value for name, value in run.metrics.items() if name.startswith("share_")]
     assert sum(shares) == pytest.approx(1.0)
     assert present["representative_frame"].to_list() == [
-        frame for frame in present["representative_frame"] if steps["node_final"][frame] in present["node"]
+        frame for frame in present["representative_frame"] if steps["node_final"][frame] in present["id"]
     ]
 
 

@@ -70,7 +70,7 @@ DECISIONS = tuple(name for name in STEPS if name != "milliseconds")
 
 NODES = _schema(
     {
-        "node": pl.Int32,
+        "id": pl.Int32,
         "images": pl.Int32,
         "active": pl.Boolean,
         "created": pl.Int32,

@@ -117,8 +117,8 @@ def final_map(steps: pl.DataFrame, nodes: pl.DataFrame) -> FinalMap:
     return FinalMap(
         labels=steps["node_final"].fill_null(0).cast(pl.Int64).to_numpy(),
         placements=tuple(Placement(placement) for placement in steps["placement"]),
-        nodes=tuple(present["node"].to_list()),
-        active=frozenset(present.filter("active")["node"].to_list()),
+        nodes=tuple(present["id"].to_list()),
+        active=frozenset(present.filter("active")["id"].to_list()),
         representatives=np.array(present["representative"].to_list(), np.float64),
     )
 
@@ -142,7 +142,7 @@ def nodes_frame(
     rooms = steps["room"].to_list()
     rows = []
     for node, moments in history.items():
-        row: dict[str, Any] = {"node": node, "images": 0, "active": node in final.active, **moments}
+        row: dict[str, Any] = {"id": node, "images": 0, "active": node in final.active, **moments}
         if node in final.nodes:
             representative = final.representatives[final.nodes.index(node)]
             frames = np.flatnonzero(final.labels == node)
