@@ -57,14 +57,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     debug = "--debug" in given
     try:
         code = app(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)
+        if code == INTERRUPTED:  # typer has caught the interrupt itself
+            code = _fail("interrupted; what was computed so far is kept", INTERRUPTED)
     except TyperException as error:
         code = _fail(error.format_message(), error.exit_code)
     except OmnievalError as error:
         if debug:
             raise
         code = _fail(str(error), error.exit_code)
-    except KeyboardInterrupt:
-        code = _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:
         # Whoever read our output has gone; nothing is left to say and stdout must not be flushed at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -253,3 +253,26 @@ def test_without_a_usable_cache_the_replay_goes_on_and_says_so(panoramas, tmp_pa
     assert result.returncode == 0
     assert "descriptor cache" in result.stderr
     assert "is not used" in result.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no SIGINT to send")
+def test_an_interrupt_ends_with_130_one_line_and_the_steps_so_far(panoramas, tmp_path):
+    code = (
+        "import os, signal, sys\n"
+        "import omnieval.loop as loop\n"
+        "row = loop.step_row\n"
+        "def interrupted(step, *rest):\n"
+        "    if step.frame == 33:\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "    return row(step, *rest)\n"
+        "loop.step_row = interrupted\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from omnieval.cli import main\n"
+        "main(sys.argv[1:])\n"
+    )
+    arguments = ["replay", str(panoramas), *SMALL, "--out", "run"]
+    command = [sys.executable, "-c", code, *arguments]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    fails(result, 130, "interrupted")
+    run = open_run(tmp_path / "run")
+    assert (run.status, len(run.steps)) == ("interrupted", 33)
