@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from omnieval.ablation.run import ablate
     from omnieval.benchmark import baseline
     from omnieval.config import Config, configure
     from omnieval.datasets import load
@@ -25,6 +26,7 @@ __all__ = [
     "Mapper",
     "MapperConfig",
     "Run",
+    "ablate",
     "baseline",
     "configure",
     "load",
@@ -34,6 +36,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "ablate": "omnieval.ablation.run",
     "baseline": "omnieval.benchmark",
     "Config": "omnieval.config",
     "configure": "omnieval.config",

@@ -9,7 +9,20 @@ from collections.abc import Sequence
 import typer
 from typer.exceptions import TyperException
 
-from omnieval.cli import baseline, compare, dataset, describe, diff, map_descriptors, parameters, render, replay, view
+from omnieval.cli import (
+    ablate,
+    baseline,
+    check,
+    compare,
+    dataset,
+    describe,
+    diff,
+    map_descriptors,
+    parameters,
+    render,
+    replay,
+    view,
+)
 from omnieval.errors import OmnievalError
 
 INTERRUPTED = 130
@@ -29,7 +42,9 @@ app = typer.Typer(
 )
 app.command("replay")(replay.replay)
 app.command("map")(map_descriptors.map_descriptors)
+app.command("ablate")(ablate.ablate)
 app.command("baseline")(baseline.baseline)
+app.command("check")(check.check)
 app.command("describe")(describe.describe)
 app.command("render")(render.render)
 app.command("view")(view.view)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any, get_args
+
 import polars as pl
 
+from omnieval.config import parameters
 from omnieval.mapping.step import EventKind, Placement, Verdict
 from omnieval.metrics.evaluation import METRICS
 
@@ -106,3 +109,29 @@ PARTITIONS = _schema(
 """One row a baseline partition: what made it, the metrics of a run, and the seconds it takes on its own, i.e. with the
 work that the rows of one table share. `k` is the number of clusters asked for, null where the method finds it itself;
 `similarity` is null where none is used."""
+
+
+def _type_of(annotation: Any) -> type[pl.DataType]:
+    """Return the column type of a parameter; choices and names are text."""
+    types = set(get_args(annotation)) | {annotation}
+    return pl.Float64 if float in types else pl.Int64 if int in types else pl.String
+
+
+ABLATION = _schema(
+    {
+        "job": pl.Int32,
+        "dataset": pl.String,
+        "source": pl.String,
+        **{name: _type_of(field.annotation) for name, field in parameters().items()},
+        **{name: pl.Int32 if name == "nodes" else pl.Float64 for name in METRICS},
+        "batch_silhouette": pl.Float64,
+        "smallest_margin": pl.Float64,
+        "smallest_margin_frame": pl.Int32,
+        "smallest_margin_gate": pl.String,
+        "seconds": pl.Float64,
+        "error": pl.String,
+    }
+)
+"""One row a run of an ablation, in the order of its grid (`job`): the source, every parameter, the metrics of a run,
+the silhouette of batch spectral clustering with as many clusters as the map has nodes, the smallest margin, where it
+was, the seconds of mapping, and the error of a run that failed (its other results are null)."""

@@ -1,0 +1,185 @@
+"""One job of an ablation: described images and a configuration in, one row of `schemas.ABLATION` out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from omnieval.ablation.grid import flattened
+from omnieval.baselines.similarity import similarity_matrix
+from omnieval.baselines.spectral import spectral_embedding
+from omnieval.config import Config
+from omnieval.datasets.sequence import Frame, Sequence
+from omnieval.descriptors.description import Description
+from omnieval.mapping.mapper import Mapper
+from omnieval.mapping.step import Step
+from omnieval.material import Material
+from omnieval.metrics.evaluation import evaluate
+from omnieval.results.atomic import replacing, write_table
+from omnieval.results.provenance import dataset_fingerprint
+from omnieval.results.tables import step_row, steps_frame, with_final_map
+
+
+@dataclass(frozen=True)
+class Job:
+    """One point of the grid.
+
+    Attributes
+    ----------
+    number
+        Its place in the grid, from 0.
+    sequence
+        The images.
+    config
+        The parameters.
+    """
+
+    number: int
+    sequence: Sequence
+    config: Config
+
+    @property
+    def origin(self) -> dict[str, Any]:
+        """What determines the row: the columns that are known before it is run."""
+        return {
+            "job": self.number,
+            "dataset": self.sequence.name,
+            "source": self.sequence.source,
+            **flattened(self.config),
+        }
+
+
+@dataclass(frozen=True)
+class Described:
+    """A sequence described once for all jobs that need it; small, because the descriptors stay on disk.
+
+    Attributes
+    ----------
+    frames
+        The n images.
+    positions
+        True capture positions, shape (n, 2), metres; None when not all are known.
+    folder
+        Holds ``position.npy``, shape (n, d), and ``orientation.npy``, shape (n, cells, bins), float32.
+    fingerprint
+        Digest of images, names, poses and labels.
+    """
+
+    frames: tuple[Frame, ...]
+    positions: NDArray[np.float64] | None
+    folder: Path
+    fingerprint: str
+
+    @property
+    def rooms(self) -> list[str | None]:
+        """Room label of every image."""
+        return [frame.room for frame in self.frames]
+
+    def load(self, name: str) -> NDArray[np.float32]:
+        """Return ``position`` or ``orientation``; the pages are shared by all processes that read them."""
+        array: NDArray[np.float32] = np.load(self.folder / f"{name}.npy", mmap_mode="r")
+        return array
+
+    def descriptions(self) -> Iterable[Description]:
+        """Yield the descriptions of the images, in order."""
+        for position, orientation in zip(self.load("position"), self.load("orientation"), strict=True):
+            yield Description(np.array(position), np.array(orientation))
+
+
+def describe(material: Material, folder: Path) -> Described:
+    """Describe all images of the material and keep the descriptors in `folder`, which exists.
+
+    Raises
+    ------
+    DatasetError
+        If an image cannot be read.
+    ResultError
+        If the descriptors cannot be written.
+    """
+    described = list(material.described)
+    arrays = {
+        "position": np.stack([one.description.position for one in described]),
+        "orientation": np.stack([one.description.orientation for one in described]),
+    }
+    for name, array in arrays.items():
+        with replacing(folder / f"{name}.npy") as temporary, temporary.open("wb") as stream:
+            np.save(stream, array)
+    fingerprint = dataset_fingerprint(material.frames, [one.digest for one in described])
+    return Described(material.frames, material.positions, folder, fingerprint)
+
+
+def run_job(job: Job, described: Described, steps_file: Path | None) -> dict[str, Any]:
+    """Map the images in memory and return the row, all but `batch_silhouette`.
+
+    Parameters
+    ----------
+    job
+        What to run.
+    described
+        Its images.
+    steps_file
+        Where to keep the decision trace (`schemas.STEPS`); None keeps none.
+    """
+    with threadpool_limits(1):  # so that nothing depends on how many jobs run beside this one
+        return _run(job, described, steps_file)
+
+
+def _run(job: Job, described: Described, steps_file: Path | None) -> dict[str, Any]:
+    started = time.perf_counter()
+    mapper = Mapper(job.config.mapper)
+    rows: list[dict[str, Any]] = []
+    smallest: Step | None = None
+    for frame, description in zip(described.frames, described.descriptions(), strict=True):
+        before = time.perf_counter()
+        step = mapper.step(description)
+        milliseconds = 1e3 * (time.perf_counter() - before)
+        if steps_file:
+            rows.append(step_row(step, frame, milliseconds))
+        if step.margin and (smallest is None or smallest.margin is None or step.margin.value < smallest.margin.value):
+            smallest = step
+    final = mapper.finish()
+    seed = job.config.mapper.seed
+    evaluation = evaluate(final.labels, final.placements, described.positions, rooms=described.rooms, seed=seed)
+    seconds = time.perf_counter() - started
+    if steps_file:
+        write_table(with_final_map(steps_frame(rows), final), steps_file)
+    return job.origin | evaluation.metrics | _margin(smallest) | {"seconds": seconds, "error": None}
+
+
+def failed_row(job: Job, error: BaseException) -> dict[str, Any]:
+    """Return the row of a job that ended in an error."""
+    return job.origin | {"error": " ".join(f"{type(error).__name__}: {error}".split())}
+
+
+def batch_silhouettes(described: Described, ks: list[int], seed: int) -> dict[int, float | None]:
+    """Return the silhouette of spectral clustering (median-scaled Gaussian) at each number of clusters.
+
+    One eigendecomposition serves them all. Null without poses and where there are fewer than two clusters.
+    """
+    usable = [k for k in ks if k > 1]
+    silhouettes: dict[int, float | None] = dict.fromkeys(ks)
+    if described.positions is None or not usable:
+        return silhouettes
+    embedding = spectral_embedding(similarity_matrix(described.load("position"), "gaussian-median"), max(usable))
+    for k in usable:
+        labels = embedding.cluster(k, seed=seed)
+        evaluation = evaluate(labels, None, described.positions, rooms=None, seed=seed)
+        silhouettes[k] = evaluation.metrics["silhouette"]
+    return silhouettes
+
+
+def _margin(step: Step | None) -> dict[str, Any]:
+    if step is None or step.margin is None:
+        return {}
+    return {
+        "smallest_margin": step.margin.value,
+        "smallest_margin_frame": step.frame,
+        "smallest_margin_gate": step.margin.gate,
+    }

@@ -1,0 +1,331 @@
+"""The driver of an ablation: describe once, run the jobs, keep each row as it comes, and put the table together."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, TypedDict, Unpack
+
+import polars as pl
+
+from omnieval.ablation.grid import make_axis
+from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, failed_row, run_job
+from omnieval.ablation.plan import Plan, make_plan
+from omnieval.ablation.pool import workers
+from omnieval.ablation.store import Store, rows_table
+from omnieval.config import Setting
+from omnieval.datasets import Sequence as ImageSequence
+from omnieval.descriptors.cache import DescriptorCache
+from omnieval.errors import ConfigError, OmnievalError
+from omnieval.loop import replay
+from omnieval.material import image_material
+from omnieval.recording.records import RecordingOptions
+from omnieval.results.manifest import Manifest
+from omnieval.results.provenance import code_digest, versions
+from omnieval.results.run_folder import free_folder
+
+Progress = Callable[[int, int], None]
+Source = str | Path | ImageSequence
+RUNS = Path("runs")
+_DESCRIPTORS = "descriptors"
+BEST = "best"
+
+
+class JobFailedError(OmnievalError):
+    """A job failed and the ablation was to stop there.
+
+    Example: ``job 12 of synthetic-night failed: LinAlgError: ...; run it again with --resume``.
+    """
+
+    exit_code: ClassVar[int] = 5
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """An ablation folder and its table (`schemas.ABLATION`)."""
+
+    folder: Path
+    table: pl.DataFrame
+
+    @property
+    def failed(self) -> int:
+        """How many jobs failed."""
+        return self.table["error"].count()
+
+
+class Options(TypedDict, total=False):
+    """How an ablation is run; `run_plan` describes each."""
+
+    jobs: int
+    out: Path | None
+    resume: bool
+    overwrite: bool
+    csv: bool
+    keep_steps: bool
+    record_best: bool
+    fail_fast: bool
+    progress: Progress | None
+
+
+def ablate(
+    sources: Source | Iterable[Source] = "synthetic",
+    vary: Mapping[str, Any] | None = None,
+    *,
+    settings: Mapping[str, Any] | None = None,
+    preset: str | None = None,
+    **options: Unpack[Options],
+) -> pl.DataFrame:
+    """Replay sequences at every point of a grid of parameters and return one row a run (`schemas.ABLATION`).
+
+    Parameters
+    ----------
+    sources
+        One or several sources as on the command line, or sequences.
+    vary
+        Values by parameter: a list, or text such as ``"1.7:2.3:0.15"`` or ``"hog,gist"``.
+    settings
+        Parameters that are the same in all runs.
+    preset
+        Named parameters, ``recommended`` or ``paper-literal``.
+    **options
+        See `run_plan`.
+
+    Examples
+    --------
+    >>> omnieval.ablate("synthetic", {"omega": [1.7, 2.3], "n_new": "20:40:10"}, jobs=2)  # doctest: +SKIP
+    """
+    several = [sources] if isinstance(sources, str | Path | ImageSequence) else list(sources)
+    axes = [make_axis(name, values, "vary") for name, values in (vary or {}).items()]
+    fixed = [Setting(name, value, "settings") for name, value in (settings or {}).items()]
+    return run_plan(make_plan(several, axes, fixed, preset=preset), **options).table
+
+
+def run_plan(
+    plan: Plan,
+    *,
+    jobs: int = 1,
+    out: Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    csv: bool = False,
+    keep_steps: bool = False,
+    record_best: bool = False,
+    fail_fast: bool = False,
+    progress: Progress | None = None,
+) -> Ablation:
+    """Run the jobs of a plan.
+
+    Parameters
+    ----------
+    plan
+        See `plan.make_plan`.
+    jobs
+        Processes; the rows do not depend on it, except the seconds.
+    out
+        Folder to write; default ``runs/ablation[-<n>]``.
+    resume
+        Go on with the ablation in `out`: rows that are there are kept, failed jobs are run again.
+    overwrite
+        Replace an earlier ablation in `out`.
+    csv
+        Write ``ablation.csv`` too.
+    keep_steps
+        Keep the decision trace of every run.
+    record_best
+        Replay the run with the highest silhouette once more into ``best/``, with a recording.
+    fail_fast
+        Stop at the first job that fails.
+    progress
+        Called with (done, in all): frames described first, then jobs.
+
+    Raises
+    ------
+    ConfigError
+        If an option is wrong.
+    DatasetError
+        If an image cannot be read.
+    ResultError
+        If the folder cannot be written, or what is to be resumed differs.
+    JobFailedError
+        With `fail_fast`, when a job fails.
+    """
+    if jobs < 1:
+        raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
+    if resume and (out is None or overwrite):
+        raise ConfigError("--resume goes on with the ablation in --out; name it, and leave --overwrite out")
+    store = Store(out or free_folder(RUNS, "ablation"))
+    guard = guard_of(plan, keep_steps=keep_steps)
+    if resume:
+        store.check(guard)
+    work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
+    if not resume:
+        manifest = store.create(guard, overwrite=overwrite)
+        with _closing(manifest):
+            return _finish(work, work.describe(manifest), manifest, csv=csv, record_best=record_best)
+    described = work.describe(None)
+    prints = {"dataset_fingerprints": fingerprints(described)}
+    store.check(prints)
+    manifest = store.resume(guard | prints)
+    with _closing(manifest):
+        return _finish(work, described, manifest, csv=csv, record_best=record_best)
+
+
+def guard_of(plan: Plan, *, keep_steps: bool) -> dict[str, Any]:
+    """Return what an ablation that is resumed must have in common, besides the datasets."""
+    about = {"grid": plan.grid, "keep_steps": keep_steps, "code": code_digest(), "versions": versions()}
+    plain: dict[str, Any] = json.loads(json.dumps(about))
+    return plain
+
+
+def fingerprints(described: Mapping[str, Described]) -> dict[str, str]:
+    """Return the fingerprint of each sequence by its source."""
+    return {json.loads(key)["source"]: one.fingerprint for key, one in described.items()}
+
+
+def dataset_key(job: Job) -> str:
+    """Return what the descriptions of a job's images depend on, as text; equal keys share them."""
+    config = job.config
+    settings = getattr(config, config.descriptor).model_dump(mode="json")
+    imaging = config.imaging.model_dump(mode="json")
+    about = {"source": job.sequence.source, "descriptor": config.descriptor, "settings": settings, "imaging": imaging}
+    return json.dumps(about, sort_keys=True)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """A plan being run."""
+
+    plan: Plan
+    store: Store
+    processes: int
+    keep_steps: bool
+    fail_fast: bool
+    progress: Progress | None
+
+    def describe(self, manifest: Manifest | None) -> dict[str, Described]:
+        """Describe every sequence once for each way to describe it that the grid has."""
+        needed = {dataset_key(job): job for job in self.plan.jobs}
+        frames = sum(len(job.sequence) for job in needed.values())
+        described: dict[str, Described] = {}
+        done = 0
+        with DescriptorCache() as cache:
+            for number, (key, job) in enumerate(needed.items()):
+                folder = self.store.folder / _DESCRIPTORS / str(number)
+                folder.mkdir(parents=True, exist_ok=True)
+                material = image_material(job.sequence, job.config, job.config.make_descriptor(), cache)
+                described[key] = describe(material, folder)
+                done += len(job.sequence)
+                if self.progress:
+                    self.progress(done, frames)
+        if manifest:
+            manifest.update({"dataset_fingerprints": fingerprints(described)})
+        return described
+
+    def run(self, pool: Executor, described: Mapping[str, Described]) -> None:
+        """Run what is not done yet and keep each row as it comes."""
+        done = {number for number, row in self.store.rows().items() if row.get("error") is None}
+        waiting = [job for job in self.plan.jobs if job.number not in done]
+        count = len(self.plan.jobs)
+        futures = {
+            pool.submit(run_job, job, described[dataset_key(job)], self._steps_file(job)): job for job in waiting
+        }
+        for ended, future in enumerate(as_completed(futures), start=count - len(waiting) + 1):
+            job, error = futures[future], future.exception()
+            if isinstance(error, BrokenExecutor):
+                raise OmnievalError(
+                    "a worker process was killed, perhaps for want of memory; --resume with fewer --jobs"
+                )
+            row = failed_row(job, error) if error else future.result()
+            self.store.add(row)
+            if error and self.fail_fast:
+                message = f"job {job.number} of {job.sequence.name} failed: {row['error']}; run it again with --resume"
+                raise JobFailedError(message)
+            if self.progress:
+                self.progress(ended, count)
+
+    def table(self, pool: Executor, described: Mapping[str, Described]) -> pl.DataFrame:
+        """Return all rows, each beside batch clustering with as many clusters as its map has nodes."""
+        rows = self.store.rows()
+        shared: dict[tuple[str, int], set[int]] = {}
+        of_row = {job.number: (dataset_key(job), job.config.mapper.seed) for job in self.plan.jobs}
+        for number, row in rows.items():
+            if row.get("nodes"):
+                shared.setdefault(of_row[number], set()).add(row["nodes"])
+        futures = {
+            key: pool.submit(batch_silhouettes, described[key[0]], sorted(ks), key[1]) for key, ks in shared.items()
+        }
+        batch = {key: future.result() for key, future in futures.items()}
+        return rows_table(
+            {**row, "batch_silhouette": batch[of_row[number]][row["nodes"]] if row.get("nodes") else None}
+            for number, row in rows.items()
+        )
+
+    def _steps_file(self, job: Job) -> Path | None:
+        return self.store.steps_file(job.number) if self.keep_steps else None
+
+
+def _finish(
+    work: _Work, described: Mapping[str, Described], manifest: Manifest, *, csv: bool, record_best: bool
+) -> Ablation:
+    """Run the jobs, write the table and what else was asked for."""
+    started = time.perf_counter()
+    with workers(work.processes) as pool:
+        work.run(pool, described)
+        table = work.table(pool, described)
+    work.store.write(table, csv=csv)
+    ablation = Ablation(work.store.folder, table)
+    if record_best and (best := best_run(table)) is not None:
+        job = work.plan.jobs[best]
+        out = ablation.folder / BEST
+        replay(job.sequence, config=job.config, out=out, overwrite=True, recording=RecordingOptions())
+    shutil.rmtree(ablation.folder / _DESCRIPTORS)
+    manifest.update(
+        {
+            "jobs": len(table),
+            "failed_jobs": ablation.failed,
+            "timings": {"seconds": time.perf_counter() - started, "processes": work.processes},
+        }
+    )
+    return ablation
+
+
+def best_run(table: pl.DataFrame) -> int | None:
+    """Return the job with the highest silhouette, the first of equals; None if no run has one."""
+    scored = table.drop_nulls("silhouette")
+    return None if scored.is_empty() else int(scored["job"][int(scored["silhouette"].arg_max() or 0)])
+
+
+@contextmanager
+def _closing(manifest: Manifest) -> Iterator[None]:
+    """Say in ``run.json`` how the block ended, however it ends."""
+    status = "failed"
+    try:
+        yield
+        status = "complete"
+    except KeyboardInterrupt:
+        status = "interrupted"
+        raise
+    finally:
+        manifest.close(status, {})
+
+
+def job_states(plan: Plan, out: Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:
+    """Return every job with ``done``, or why it is not; nothing is written and no image is read."""
+    store = Store(out) if out else None
+    if store is None or not store.exists():
+        return [(job, "not started") for job in plan.jobs]
+    store.check(guard_of(plan, keep_steps=keep_steps))
+    rows = store.rows()
+    return [(job, _state(rows.get(job.number))) for job in plan.jobs]
+
+
+def _state(row: Mapping[str, Any] | None) -> str:
+    if row is None:
+        return "not started"
+    return "done" if row.get("error") is None else f"failed, will run again: {row['error']}"

@@ -1,0 +1,142 @@
+"""The folder of an ablation, safe to append to and to resume.
+
+run.json             grid, dataset fingerprints, code, versions, status
+parts/00012.json     the row of job 12, there as soon as it has ended and always whole
+steps/00012.parquet  its decision trace, if asked for
+ablation.parquet     all rows in the order of the grid, when all jobs have ended
+ablation.csv         the same, if asked for
+best/                the run folder of the best run, if asked for
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from omnieval.errors import ResultError
+from omnieval.results.atomic import replacing, write_json, write_table
+from omnieval.results.compare import differing
+from omnieval.results.manifest import MANIFEST, Manifest, read_manifest, status_of
+from omnieval.results.schemas import ABLATION
+
+KIND = "ablation"
+TABLE = "ablation.parquet"
+CSV = "ablation.csv"
+_PARTS = "parts"
+_STEPS = "steps"
+
+
+class Store:
+    """Where rows arrive, in any order.
+
+    Parameters
+    ----------
+    folder
+        The folder of the ablation; need not exist yet.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def create(self, content: dict[str, Any], *, overwrite: bool) -> Manifest:
+        """Begin a new ablation; of an earlier one all that it wrote itself is removed.
+
+        Raises
+        ------
+        ResultError
+            If the folder holds something already (of another kind, if `overwrite`) or cannot be written.
+        """
+        parts = [path.relative_to(self.folder).as_posix() for path in self._files()]
+        manifest = Manifest(self.folder, KIND, content, files=[TABLE, CSV, *parts], overwrite=overwrite)
+        self._make(_PARTS)
+        return manifest
+
+    def check(self, content: Mapping[str, Any]) -> None:
+        """See that the ablation in the folder is the one to go on with, as far as `content` tells.
+
+        Raises
+        ------
+        ResultError
+            If there is none, it is still running, or anything differs; the message names it.
+        """
+        earlier = read_manifest(self.folder, KIND)
+        if status_of(earlier) == "running":
+            raise ResultError(
+                f"{self.folder} is still being written by process {earlier['process']['pid']}; wait for it"
+            )
+        before = dict(_flat({name: earlier[name] for name in content if name in earlier}))
+        now = dict(_flat({name: value for name, value in content.items() if name in earlier}))
+        if changed := differing(before, now):
+            words = ", ".join(f"{name} was {_word(one)}, now {_word(other)}" for name, (one, other) in changed.items())
+            raise ResultError(f"{self.folder} cannot be resumed: {words}; choose another --out or pass --overwrite")
+
+    def resume(self, content: dict[str, Any]) -> Manifest:
+        """Go on with the ablation in the folder, which `check` has found to be the same."""
+        self._make(_PARTS)
+        return Manifest(self.folder, KIND, content, files=[TABLE, CSV], overwrite=True)
+
+    def exists(self) -> bool:
+        """Whether the folder holds a folder of results."""
+        return (self.folder / MANIFEST).exists()
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Keep the row of a job; it is on disk when this returns."""
+        write_json(row, self.folder / _PARTS / f"{row['job']:05d}.json")
+
+    def rows(self) -> dict[int, dict[str, Any]]:
+        """Return the rows so far by their job; a damaged one counts as missing."""
+        found = (_read(path) for path in sorted((self.folder / _PARTS).glob("*.json")))
+        return {row["job"]: row for row in found if row is not None}
+
+    def steps_file(self, job: int) -> Path:
+        """Where the decision trace of a job is kept."""
+        self._make(_STEPS)
+        return self.folder / _STEPS / f"{job:05d}.parquet"
+
+    def write(self, table: pl.DataFrame, *, csv: bool) -> None:
+        """Write the final table."""
+        write_table(table, self.folder / TABLE)
+        if csv:
+            with replacing(self.folder / CSV) as temporary:
+                table.write_csv(temporary)
+
+    def _files(self) -> Iterator[Path]:
+        yield from (self.folder / _PARTS).glob("*.json")
+        yield from (self.folder / _STEPS).glob("*.parquet")
+
+    def _make(self, name: str) -> None:
+        try:
+            (self.folder / name).mkdir(exist_ok=True)
+        except OSError as error:
+            raise ResultError(f"cannot write {self.folder / name}: {error.strerror}; choose another --out") from error
+
+
+def rows_table(rows: Iterable[Mapping[str, Any]]) -> pl.DataFrame:
+    """Return rows as a table (`schemas.ABLATION`) in the order of the grid; what a row lacks is null."""
+    whole = [dict.fromkeys(ABLATION) | dict(row) for row in rows]
+    return pl.DataFrame(whole, schema=ABLATION).sort("job")
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        row = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    ours = isinstance(row, dict) and row.keys() <= set(ABLATION) and path.stem == str(row.get("job")).zfill(5)
+    return row if ours else None
+
+
+def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in content.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def _word(value: Any) -> str:
+    return "absent" if value is None else json.dumps(value)

@@ -1,0 +1,190 @@
+"""``omnieval ablate``: sweeps of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omnieval.cli import options
+
+if TYPE_CHECKING:
+    from omnieval.ablation.plan import Plan
+    from omnieval.ablation.run import Ablation
+
+SOME_FAILED = 5
+
+
+def ablate(
+    sources: Annotated[
+        list[str] | None, typer.Argument(help="Sequences as for replay; default synthetic.", metavar="[SOURCE...]")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            help="An axis, e.g. omega=1.7:2.3:0.15 or covariance=diagonal,pinv; repeatable.",
+            metavar="NAME=VALUES",
+        ),
+    ] = None,
+    axes: Annotated[
+        list[Path] | None,
+        typer.Option("--axes", help="TOML file of axes, NAME = [..] or 'a:b:step'; repeatable.", metavar="FILE.toml"),
+    ] = None,
+    descriptor: Annotated[str | None, typer.Option("--descriptor", help="Descriptor, or several: hog,gist.")] = None,
+    set_: options.Set = None,
+    config: options.ConfigFile = None,
+    preset: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Axes of an experiment of the paper (figures-9-10, table-2, table-3), named parameters (recommended, "
+            "paper-literal), or one of each."
+        ),
+    ] = None,
+    start: options.Start = 0,
+    stride: options.Stride = 1,
+    limit: options.Limit = None,
+    jobs: Annotated[int, typer.Option(help="Processes; the table does not depend on it.", metavar="N")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write; default runs/ablation[-<n>].", metavar="DIR")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the ablation in --out.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier ablation in the same folder.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="List the jobs, which are done and why the others are not; run none.")
+    ] = False,
+    keep_steps: Annotated[bool, typer.Option("--keep-steps", help="Keep the decision trace of every run.")] = False,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first job that fails.")] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Write ablation.csv too.")] = False,
+    rrd: Annotated[
+        str | None, typer.Option("--rrd", help="best: record the run with the highest silhouette.", metavar="best")
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Replay sequences at every point of a grid of parameters: one row a run.
+
+    Writes ablation.parquet and prints the best and the median of each sequence and descriptor. Exits with 5 if a
+    job failed; its row says why.
+
+    Examples:
+
+      omnieval ablate --vary omega=1.7:2.3:0.15 --vary merge_y=0.75:2.25:0.25 --jobs 2
+
+      omnieval ablate synthetic synthetic:night --descriptor hog,gist --vary n_new=10:50:10 --out runs/n-new
+
+      omnieval ablate cold:/data/seq2_cloudy3 --preset figures-9-10 --out runs/freiburg --resume
+    """
+    from omnieval.ablation.run import run_plan
+    from omnieval.cli.console import progress
+    from omnieval.errors import ConfigError
+
+    if rrd not in {None, "best"}:
+        raise ConfigError(f"--rrd {rrd!r}: only best can be recorded")
+    plan = _plan(sources, vary, axes, descriptor, set_, config, preset, start, stride, limit)
+    if dry_run:
+        _print_jobs(plan, out, keep_steps=keep_steps, json=json)
+        return
+    with progress("ablating") as report:
+        ablation = run_plan(
+            plan,
+            jobs=jobs,
+            out=out,
+            resume=resume,
+            overwrite=overwrite,
+            csv=csv,
+            keep_steps=keep_steps,
+            record_best=rrd == "best",
+            fail_fast=fail_fast,
+            progress=report,
+        )
+    _print(ablation, plan, json=json)
+    if ablation.failed:
+        raise typer.Exit(SOME_FAILED)
+
+
+def _plan(
+    sources: Sequence[str] | None,
+    vary: Sequence[str] | None,
+    files: Sequence[Path] | None,
+    descriptor: str | None,
+    set_: Sequence[str] | None,
+    configs: Sequence[Path] | None,
+    presets: Sequence[str] | None,
+    start: int,
+    stride: int,
+    limit: int | None,
+) -> Plan:
+    """Return the plan the options ask for."""
+    from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, preset_axes, read_axes
+    from omnieval.ablation.plan import make_plan
+    from omnieval.config import parse_assignment, read_settings
+
+    axes = [] if descriptor is None else [make_axis("descriptor", descriptor, f"--descriptor {descriptor}")]
+    axes += [axis for file in files or () for axis in read_axes(file)]
+    axes += [parse_axis(text) for text in vary or ()]
+    experiment, named = _presets(presets or ())
+    if experiment is not None:
+        axes = preset_axes(axes, EXPERIMENTS[experiment], experiment)
+    settings = [setting for file in configs or () for setting in read_settings(file)]
+    settings += [parse_assignment(text) for text in set_ or ()]
+    return make_plan(sources or (), axes, settings, preset=named, start=start, stride=stride, limit=limit)
+
+
+def _presets(names: Sequence[str]) -> tuple[str | None, str | None]:
+    """Return the experiment and the named parameters among the presets."""
+    from omnieval.ablation.grid import EXPERIMENTS
+    from omnieval.errors import ConfigError
+    from omnieval.mapping.config import PRESETS
+    from omnieval.wording import did_you_mean
+
+    for name in names:
+        if name not in EXPERIMENTS and name not in PRESETS:
+            raise ConfigError(f"unknown preset {name!r}; {did_you_mean(name, [*EXPERIMENTS, *PRESETS])}")
+    experiments = [name for name in names if name in EXPERIMENTS]
+    parameters = [name for name in names if name in PRESETS]
+    if len(experiments) > 1 or len(parameters) > 1:
+        raise ConfigError(f"--preset {', '.join(names)}: take at most one experiment and one set of parameters")
+    return next(iter(experiments), None), next(iter(parameters), None)
+
+
+def _print_jobs(plan: Plan, out: Path | None, *, keep_steps: bool, json: bool) -> None:
+    from omnieval.ablation.grid import value_of
+    from omnieval.ablation.run import job_states
+    from omnieval.cli.console import print_json
+
+    states = job_states(plan, out, keep_steps=keep_steps)
+    rows = [
+        {
+            "job": job.number,
+            "source": job.sequence.source,
+            **{name: value_of(job.config, name) for name in plan.varied},
+            "state": state,
+        }
+        for job, state in states
+    ]
+    if json:
+        print_json({"jobs": rows})
+        return
+    for row in rows:
+        varied = " ".join(f"{name}={row[name]}" for name in plan.varied)
+        print("  ".join(filter(None, (str(row["job"]), row["source"], varied, row["state"]))))
+    print(f"{len(rows)} jobs, {sum(state == 'done' for _, state in states)} done")
+
+
+def _print(ablation: Ablation, plan: Plan, *, json: bool) -> None:
+    """Print what an ablation came to."""
+    from omnieval.ablation.summary import best_and_median
+    from omnieval.cli.console import note, print_json, print_table
+
+    summary = best_and_median(ablation.table, plan.varied)
+    if json:
+        print_json({"ablation": str(ablation.folder), "summary": summary.to_dicts(), "rows": ablation.table.to_dicts()})
+    else:
+        print(ablation.folder)
+        print_table(summary)
+    if ablation.failed:
+        note(f"{ablation.failed} of {len(ablation.table)} jobs failed; their rows say why, --resume runs them again")

@@ -1,0 +1,125 @@
+"""``omnieval check``: replays against a committed reference."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omnieval.cli import options
+
+if TYPE_CHECKING:
+    from omnieval.regression.cases import Selection
+
+
+def check(
+    reference: Annotated[Path, typer.Option(help="Reference file, e.g. runs/reference/mine.toml.", metavar="FILE")],
+    targets: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Run folders, compared as they are, and sources, replayed. None: every case of the reference.",
+            metavar="RUN|SOURCE",
+        ),
+    ] = None,
+    update: Annotated[
+        bool, typer.Option("--update", help="Accept what is found: rewrite the reference, or make it.")
+    ] = False,
+    set_: options.Set = None,
+    config: options.ConfigFile = None,
+    preset: options.Preset = None,
+    descriptor: options.DescriptorName = None,
+    start: options.Start = 0,
+    stride: options.Stride = 1,
+    limit: options.Limit = None,
+    junit: Annotated[Path | None, typer.Option(help="Also write JUnit XML.", metavar="FILE.xml")] = None,
+    json: options.Json = False,
+) -> None:
+    """Check that maps are no worse than a reference says: silhouettes, shares, agreement with rooms, number of nodes.
+
+    Exits with 4 and a table of expected, got and difference if a guarded value is worse by more than its tolerance,
+    outside its range, or missing, and if there is no reference or no case to compare with. A better value passes.
+    Parameters and cuts select among the cases of a SOURCE, or with --update add one.
+
+    Examples:
+
+      omnieval check --reference runs/reference/synthetic.toml
+
+      omnieval check runs/synthetic-night-hog --reference runs/reference/synthetic.toml
+
+      omnieval check cold:data/seq2_cloudy3 --descriptor gist --reference mine.toml --update
+
+      omnieval check --reference mine.toml --junit check.xml
+    """
+    selection = _selection(set_, config, preset, descriptor, start, stride, limit)
+    if update:
+        _update(reference, targets or [], selection, junit, json=json)
+    else:
+        _check(reference, targets or [], selection, junit, json=json)
+
+
+def _check(reference: Path, targets: list[str], selection: Selection | None, junit: Path | None, *, json: bool) -> None:
+    import polars as pl
+
+    from omnieval.cli.console import print_json, print_table, progress
+    from omnieval.errors import RegressionError
+    from omnieval.regression.check import check as check_cases
+    from omnieval.regression.junit import write_junit
+    from omnieval.regression.report import as_object, explanations, summary, table_rows
+
+    with progress("checking") as report_progress:
+        reports = check_cases(reference, targets, selection=selection, progress=report_progress)
+    if junit:
+        write_junit(reports, junit)
+    if json:
+        print_json(as_object(reports, reference))
+    else:
+        print_table(pl.DataFrame(table_rows(reports)))
+        for report in reports:
+            if lines := list(explanations(report)):
+                print(f"\n{report.name}")
+                print("\n".join(f"  {line}" for line in lines))
+    if any(report.failed for report in reports):
+        raise RegressionError(summary(reports, reference))
+
+
+def _update(
+    reference: Path, targets: list[str], selection: Selection | None, junit: Path | None, *, json: bool
+) -> None:
+    from omnieval.cli.console import print_json, progress
+    from omnieval.errors import ConfigError
+    from omnieval.regression.update import change_lines
+    from omnieval.regression.update import update as update_cases
+
+    if junit:
+        raise ConfigError("--update judges nothing that --junit could hold; leave one of them out")
+    with progress("replaying") as report_progress:
+        changes = update_cases(reference, targets, selection=selection, progress=report_progress)
+    if json:
+        content = [dataclasses.asdict(change) for change in changes]
+        print_json({"schema_version": 1, "reference": str(reference), "changes": content})
+        return
+    print(reference)
+    for change in changes:
+        for line in change_lines(change):
+            print(f"  {line}")
+
+
+def _selection(
+    settings: list[str] | None,
+    files: list[Path] | None,
+    preset: str | None,
+    descriptor: str | None,
+    start: int,
+    stride: int,
+    limit: int | None,
+) -> Selection | None:
+    """Return what the options select; None when none is given."""
+    from omnieval.regression.cases import Selection
+    from omnieval.regression.reference import Cut
+
+    if not (settings or files or preset or descriptor) and (start, stride, limit) == (0, 1, None):
+        return None
+    cut = Cut(start=start, stride=stride, limit=limit)
+    return Selection(options.configuration(settings, files, preset, descriptor), cut)

@@ -1,0 +1,255 @@
+"""The update: what replays come to now becomes what is expected, and what that changes is said."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from omnieval.config import resolve
+from omnieval.errors import ResultError
+from omnieval.material import ARCHIVE_SCHEME
+from omnieval.regression.cases import (
+    Progress,
+    Selection,
+    deviations,
+    job_of_run,
+    job_of_source,
+    portable_source,
+    replayed,
+    run_at,
+)
+from omnieval.regression.check import matching, of_source, refuse_selection
+from omnieval.regression.reference import Case, Guard, Made, NodeRange, read_reference, write_reference
+from omnieval.regression.trace import DECISION, Parting, first_parting, read_trace, write_trace
+from omnieval.results.run_folder import Run
+from omnieval.wording import safe_name
+
+NODES_EITHER_WAY = 1
+DECIMALS = 6
+"""Of the values written; far below any tolerance, and quiet about the last bits of a sum."""
+TOLERANCES = {"silhouette": 0.02, "share": 0.05, "rooms": 0.05}
+"""Default tolerance by the first word of a metric."""
+GUARDED = {
+    "silhouette": "higher",
+    "silhouette_image": "higher",
+    "silhouette_literal": "higher",
+    "silhouette_sq": "higher",
+    "share_assigned": "higher",
+    "share_forced": "lower",
+    "share_unassigned": "lower",
+    "rooms_ari": "higher",
+    "rooms_nmi": "higher",
+}
+"""What a new case guards, and which way is better. The other shares are neither; the controls are no property of the
+map; homogeneity, completeness and purity rise or fall with the number of nodes."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What an update did to one case.
+
+    Attributes
+    ----------
+    name
+        The case.
+    added
+        Whether it is new.
+    values
+        Expected values that changed: (before, after), None where there is none.
+    parting
+        The first step now decided otherwise than in the earlier trace.
+    """
+
+    name: str
+    added: bool
+    values: dict[str, tuple[float | None, float | None]] = dataclasses.field(default_factory=dict)
+    parting: Parting | None = None
+
+
+@dataclass(frozen=True)
+class _Renewed:
+    """A case with what it expects now; `old` is None if it is new."""
+
+    old: Case | None
+    new: Case
+    steps: pl.DataFrame
+
+
+def update(
+    reference: Path,
+    targets: Sequence[str] = (),
+    *,
+    selection: Selection | None = None,
+    progress: Progress | None = None,
+) -> tuple[Change, ...]:
+    """Take what replays come to now as what is expected, and write the reference, or make it.
+
+    Targets and selection are those of `check`; a source that has no case gets one, with `selection` or the defaults.
+    Of a case that is there already, name, parameters, guarded metrics and tolerances stay. Nothing is written unless
+    all replays succeed.
+
+    Raises
+    ------
+    RegressionError
+        If there is no reference and no target.
+    ConfigError, DatasetError, ResultError
+        If something cannot be replayed, or a run is not complete, or a file cannot be written.
+    """
+    cases = list(read_reference(reference) if reference.exists() or not targets else ())
+    renewals = []
+    if not targets:
+        refuse_selection(selection)
+        renewals = [_replay(case, cases, reference, progress) for case in cases]
+    for target in targets:
+        for renewed in _of_target(target, cases, reference, selection, progress):
+            renewals.append(renewed)
+            cases = [case for case in cases if case.name != renewed.new.name] + [renewed.new]
+    changes = tuple(_change(renewed, reference) for renewed in renewals)
+    _write(renewals, reference)
+    return changes
+
+
+def change_lines(change: Change) -> Iterator[str]:
+    """Yield lines that say what an update did to one case."""
+    if change.added:
+        yield f"{change.name}: added"
+    elif change.values or change.parting:
+        yield f"{change.name}: changed"
+    else:
+        yield f"{change.name}: unchanged"
+    for name, (before, after) in change.values.items():
+        if after is None:
+            yield f"  {name} has no value any more and is no longer guarded (was {before:.6g})"
+        elif before is None:
+            yield f"  {name} {after:.6g}"
+        else:
+            yield f"  {name} {before:.6g} -> {after:.6g}"
+    if change.parting:
+        yield f"  decisions differ from step {change.parting.frame} on"
+
+
+def _of_target(
+    target: str, cases: Sequence[Case], reference: Path, selection: Selection | None, progress: Progress | None
+) -> list[_Renewed]:
+    run = run_at(target)
+    if run is not None:
+        refuse_selection(selection)
+        found = matching(job_of_run(run), cases)
+        return [_renew(case, run, cases, reference) for case in found] or [_renew(None, run, cases, reference)]
+    job = job_of_source(target, selection)
+    found = matching(job, cases) if selection else of_source(target, cases)
+    if found:
+        return [_replay(case, cases, reference, progress) for case in found]
+    chosen = selection or Selection(resolve())
+    with replayed(job.source, chosen.cut, chosen.config, progress) as fresh:
+        return [_renew(None, fresh, cases, reference)]
+
+
+def _replay(case: Case, cases: Sequence[Case], reference: Path, progress: Progress | None) -> _Renewed:
+    with replayed(case.source, case.cut, case.config(), progress) as run:
+        return _renew(case, run, cases, reference)
+
+
+def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -> _Renewed:
+    if run.status != "complete":
+        raise ResultError(f"{run.folder} is {run.status}: there is nothing to expect of it; replay it again")
+    name = old.name if old else _free_name(run, {case.name for case in cases})
+    job = job_of_run(run)
+    made = Made(
+        date=run.manifest["finished"],
+        code=run.manifest["code"],
+        dataset_fingerprint=run.manifest["dataset_fingerprint"],
+        versions=run.manifest["versions"],
+        parameters=job.parameters,
+    )
+    new = Case(
+        name=name,
+        source=old.source if old else portable_source(job.source),
+        cut=job.cut,
+        trace=(old and old.trace) or f"{reference.stem}/{safe_name(name)}.parquet",
+        parameters=old.parameters if old else deviations(job.parameters),
+        nodes=_node_range(old, run),
+        guards=_guards(old, run),
+        made=made,
+    )
+    return _Renewed(old, new, run.steps.select("file", *DECISION))
+
+
+def _free_name(run: Run, taken: set[str]) -> str:
+    archive = run.manifest["source"].startswith(ARCHIVE_SCHEME)
+    base = f"{run.manifest['sequence']}-{'map' if archive else run.manifest['configuration']['descriptor']}"
+    number, name = 1, base
+    while name in taken:
+        number += 1
+        name = f"{base}-{number}"
+    return name
+
+
+def _node_range(old: Case | None, run: Run) -> NodeRange:
+    nodes = run.metrics["nodes"]
+    if nodes is None:
+        raise ResultError(f"{run.folder} has no number of nodes; replay it again")
+    below = old.nodes.value - old.nodes.min if old else NODES_EITHER_WAY
+    above = old.nodes.max - old.nodes.value if old else NODES_EITHER_WAY
+    value = int(nodes)
+    return NodeRange(value=value, min=max(1, value - below), max=value + above)
+
+
+def _guards(old: Case | None, run: Run) -> dict[str, Guard]:
+    """Return the guards, new values in old tolerances; a metric that has no value cannot be guarded."""
+    guards = old.guards if old else {name: _default_guard(name) for name in GUARDED}
+    return {
+        name: guard.model_copy(update={"value": round(float(value), DECIMALS)})
+        for name, guard in guards.items()
+        if (value := run.metrics[name]) is not None
+    }
+
+
+def _default_guard(name: str) -> Guard:
+    return Guard.model_validate(
+        {"value": 0.0, "tolerance": TOLERANCES[name.partition("_")[0]], "better": GUARDED[name]}
+    )
+
+
+def _change(renewed: _Renewed, reference: Path) -> Change:
+    old, new = renewed.old, renewed.new
+    after = {"nodes": float(new.nodes.value)} | {name: guard.value for name, guard in new.guards.items()}
+    if old is None:
+        return Change(new.name, True, {name: (None, value) for name, value in after.items()})
+    before = {"nodes": float(old.nodes.value)} | {name: guard.value for name, guard in old.guards.items()}
+    values: dict[str, tuple[float | None, float | None]] = {}
+    values |= {name: (value, after.get(name)) for name, value in before.items() if value != after.get(name)}
+    return Change(new.name, False, values, _parting(old, renewed.steps, reference))
+
+
+def _parting(old: Case, steps: pl.DataFrame, reference: Path) -> Parting | None:
+    if old.trace is None:
+        return None
+    try:
+        trace = read_trace(reference.parent / old.trace)
+    except ResultError:
+        return None  # Lost or damaged: this update writes it anew.
+    return first_parting(trace, steps)
+
+
+def _write(renewals: Sequence[_Renewed], reference: Path) -> None:
+    """Write traces and reference; cases keep their order, new ones come last."""
+    by_name = {renewed.new.name: _undated(renewed) for renewed in renewals}
+    kept = read_reference(reference) if reference.exists() else ()
+    ordered = {case.name: by_name.get(case.name, case) for case in kept} | by_name
+    for renewed in renewals:
+        if renewed.new.trace:
+            write_trace(renewed.steps, reference.parent / renewed.new.trace)
+    write_reference(tuple(ordered.values()), reference)
+
+
+def _undated(renewed: _Renewed) -> Case:
+    """Return the new case; the old one where only the date would change."""
+    old, new = renewed.old, renewed.new
+    if old and old.made and new.made and new.made.model_copy(update={"date": old.made.date}) == old.made:
+        return new.model_copy(update={"made": old.made})
+    return new

@@ -1,0 +1,184 @@
+"""An ablation: each row is that of an independent replay, whatever the processes, and however often it was stopped."""
+
+import json
+
+import polars as pl
+import pytest
+
+import omnieval
+from omnieval.ablation.grid import parse_axis
+from omnieval.ablation.plan import make_plan
+from omnieval.ablation.run import best_run, job_states, run_plan
+from omnieval.ablation.summary import best_and_median
+from omnieval.config import Setting
+from omnieval.errors import ConfigError, ResultError
+from omnieval.metrics.evaluation import METRICS
+from omnieval.results.manifest import read_manifest
+from omnieval.results.run_folder import open_run
+from omnieval.results.schemas import ABLATION, DECISIONS
+
+BASE = {"n_init": 10, "n_new": 10, "gamma": 1.0}
+AXES = {"omega": "0.5:3.5:3", "merge_y": [0.5, 20, 1000]}
+
+
+def plan_of(panoramas, axes=("omega=0.5,3.5", "merge_y=0.5,20,1000"), **changes):
+    settings = [Setting(name, value, "test") for name, value in {**BASE, **changes}.items()]
+    return make_plan([panoramas], [parse_axis(axis) for axis in axes], settings)
+
+
+def results(table):
+    return table.drop("seconds")
+
+
+def stop_after(jobs):
+    """A progress callback that presses Ctrl-C when so many jobs of the six have ended."""
+
+    def progress(done, total):
+        if total == 6 and done == jobs:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+@pytest.fixture(scope="module")
+def ablation(panoramas, tmp_path_factory):
+    out = tmp_path_factory.mktemp("ablations") / "whole"
+    return run_plan(plan_of(panoramas), out=out, keep_steps=True, csv=True, record_best=True)
+
+
+def test_the_table_has_its_schema_and_order(ablation):
+    table = ablation.table
+    assert table.schema == ABLATION
+    assert table["job"].to_list() == list(range(6))
+    assert list(zip(table["omega"], table["merge_y"], strict=True)) == [
+        (omega, merge_y) for omega in (0.5, 3.5) for merge_y in (0.5, 20, 1000)
+    ]
+    assert table["n_new"].unique().to_list() == [10]
+    assert (table["seconds"] > 0).all()
+    assert ablation.failed == 0
+    assert pl.read_parquet(ablation.folder / "ablation.parquet").equals(table)
+    assert len(pl.read_csv(ablation.folder / "ablation.csv")) == 6
+    assert not (ablation.folder / "descriptors").exists()
+
+
+def test_every_row_is_that_of_an_independent_replay(ablation, panoramas, tmp_path):
+    assert ablation.table["nodes"].n_unique() > 1
+    for row in ablation.table.iter_rows(named=True):
+        config = omnieval.configure(BASE, omega=row["omega"], merge_y=row["merge_y"])
+        run = omnieval.replay(panoramas, config=config, out=tmp_path / str(row["job"]))
+        assert {name: row[name] for name in METRICS} == run.metrics
+        margin = run.manifest["smallest_margin"]
+        assert (row["smallest_margin"], row["smallest_margin_frame"]) == (margin["value"], margin["frame"])
+        steps = pl.read_parquet(ablation.folder / "steps" / f"{row['job']:05d}.parquet")
+        assert steps.select(DECISIONS).equals(run.steps.select(DECISIONS))
+
+
+def test_batch_clustering_stands_beside_at_the_same_number_of_nodes(ablation, panoramas, tmp_path):
+    ks = sorted(set(ablation.table["nodes"]))
+    batch = omnieval.baseline(panoramas, ks=ks, out=tmp_path / "batch")
+    expected = dict(batch.select("k", "silhouette").iter_rows())
+    for nodes, silhouette in ablation.table.select("nodes", "batch_silhouette").iter_rows():
+        assert silhouette == pytest.approx(expected[nodes])
+
+
+def test_the_best_run_is_recorded(ablation):
+    best = ablation.table.row(best_run(ablation.table), named=True)
+    assert best["silhouette"] == ablation.table["silhouette"].max()
+    run = open_run(ablation.folder / "best")
+    assert run.recording.exists()
+    assert run.metrics["silhouette"] == best["silhouette"]
+
+
+def test_the_summary_names_best_and_median(ablation):
+    summary = best_and_median(ablation.table, ["omega", "merge_y"])
+    assert len(summary) == 1
+    row = summary.row(0, named=True)
+    assert (row["runs"], row["failed"]) == (6, 0)
+    assert row["silhouette"] == ablation.table["silhouette"].max()
+    assert row["median_silhouette"] == ablation.table["silhouette"].median()
+    best = ablation.table.filter(pl.col("omega") == row["omega"], pl.col("merge_y") == row["merge_y"])
+    assert best["silhouette"][0] == row["silhouette"]
+
+
+def test_processes_change_nothing_but_the_seconds(ablation, panoramas, tmp_path):
+    table = omnieval.ablate(panoramas, AXES, settings=BASE, jobs=2, out=tmp_path / "two")
+    assert results(table).equals(results(ablation.table))
+
+
+def test_an_interrupted_ablation_resumes_to_the_same_table(ablation, panoramas, tmp_path):
+    out = tmp_path / "interrupted"
+    with pytest.raises(KeyboardInterrupt):
+        run_plan(plan_of(panoramas), out=out, progress=stop_after(2))
+    assert read_manifest(out, "ablation")["status"] == "interrupted"
+    states = [state for _, state in job_states(plan_of(panoramas), out, keep_steps=False)]
+    kept = states.count("done")
+    assert 2 <= kept < 6
+    before = {path: path.read_bytes() for path in (out / "parts").iterdir()}
+    assert len(before) == kept
+    resumed = run_plan(plan_of(panoramas), out=out, resume=True)
+    assert results(resumed.table).equals(results(ablation.table))
+    assert all(path.read_bytes() == content for path, content in before.items())
+    assert read_manifest(out, "ablation")["status"] == "complete"
+
+
+def test_ctrl_c_ends_processes_too(panoramas, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        run_plan(plan_of(panoramas), jobs=2, out=tmp_path / "out", progress=stop_after(1))
+    assert read_manifest(tmp_path / "out", "ablation")["status"] == "interrupted"
+    assert any((tmp_path / "out" / "parts").iterdir())
+
+
+def test_a_damaged_part_is_run_again(ablation, panoramas, tmp_path):
+    first = run_plan(plan_of(panoramas), out=tmp_path / "out")
+    (first.folder / "parts" / "00003.json").write_text('{"job": 3, "nod')
+    states = [state for _, state in job_states(plan_of(panoramas), first.folder, keep_steps=False)]
+    assert states == ["done"] * 3 + ["not started"] + ["done"] * 2
+    assert results(run_plan(plan_of(panoramas), out=first.folder, resume=True).table).equals(results(ablation.table))
+
+
+@pytest.fixture
+def small(panoramas, tmp_path):
+    out = tmp_path / "small"
+    run_plan(plan_of(panoramas, ["omega=2.5,3.5"]), out=out)
+    return out
+
+
+def test_another_grid_is_refused_by_name(small, panoramas):
+    with pytest.raises(ResultError, match=r"grid\.axes\.omega was \[2\.5, 3\.5\], now \[2\.5\]"):
+        run_plan(plan_of(panoramas, ["omega=2.5"]), out=small, resume=True)
+    with pytest.raises(ResultError, match=r"grid\.parameters\.n_new was 10, now 12"):
+        run_plan(plan_of(panoramas, ["omega=2.5,3.5"], n_new=12), out=small, resume=True)
+    with pytest.raises(ResultError, match="keep_steps was false, now true"):
+        run_plan(plan_of(panoramas, ["omega=2.5,3.5"]), out=small, resume=True, keep_steps=True)
+
+
+@pytest.mark.parametrize(("name", "value"), [("code", "other"), ("versions", {"omnieval": "0.0.1"})])
+def test_other_code_is_refused_by_name(small, panoramas, name, value):
+    manifest = small / "run.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {name: value}))
+    with pytest.raises(ResultError, match=f"cannot be resumed: {name}"):
+        run_plan(plan_of(panoramas, ["omega=2.5,3.5"]), out=small, resume=True)
+
+
+def test_another_dataset_is_refused_by_name(small, panoramas):
+    manifest = small / "run.json"
+    content = json.loads(manifest.read_text())
+    content["dataset_fingerprints"] = dict.fromkeys(content["dataset_fingerprints"], "other")
+    manifest.write_text(json.dumps(content))
+    with pytest.raises(ResultError, match=r"dataset_fingerprints\.folder:.* was \"other\""):
+        run_plan(plan_of(panoramas, ["omega=2.5,3.5"]), out=small, resume=True)
+    assert json.loads(manifest.read_text()) == content
+
+
+def test_nothing_is_replaced_unasked(small, panoramas, tmp_path):
+    plan = plan_of(panoramas, ["omega=2.5"])
+    with pytest.raises(ResultError, match="--overwrite"):
+        run_plan(plan, out=small)
+    assert len(run_plan(plan, out=small, overwrite=True).table) == 1
+    assert [path.name for path in (small / "parts").iterdir()] == ["00000.json"]
+    with pytest.raises(ResultError, match="not a run folder"):
+        run_plan(plan, out=tmp_path / "none", resume=True)
+    with pytest.raises(ConfigError, match="--resume"):
+        run_plan(plan, resume=True)
+    with pytest.raises(ConfigError, match="--jobs"):
+        run_plan(plan, jobs=0)

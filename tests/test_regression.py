@@ -1,0 +1,400 @@
+"""The silhouette gate: every way to fail, what passes, and what an update keeps."""
+
+import tomllib
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import polars as pl
+import pytest
+
+import omnieval
+from omnieval.errors import ConfigError, RegressionError, ResultError
+from omnieval.loop import describe_archive, replay
+from omnieval.mapping.config import PRESETS
+from omnieval.regression import judge, report
+from omnieval.regression.cases import Selection, canonical_source, portable_source
+from omnieval.regression.check import check
+from omnieval.regression.junit import write_junit
+from omnieval.regression.reference import Case, Cut, Guard, NodeRange, read_reference, write_reference
+from omnieval.regression.trace import DECISION, first_parting, read_trace, write_trace
+from omnieval.regression.update import change_lines, update
+
+CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
+COMMITTED = sorted((Path(__file__).parents[1] / "runs" / "reference").glob("*.toml"))
+
+
+def a_case(**changed):
+    guards = {"silhouette": Guard(value=0.30, tolerance=0.02)}
+    return Case(
+        **{"name": "one", "source": "synthetic", "nodes": NodeRange(value=9, min=8, max=10), "guards": guards} | changed
+    )
+
+
+def judged(metrics, **changed):
+    return {outcome.metric: outcome.judgement for outcome in judge.judge(a_case(**changed), metrics)}
+
+
+@pytest.fixture(scope="module")
+def run(panoramas, tmp_path_factory):
+    return replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path_factory.mktemp("runs") / "first")
+
+
+@pytest.fixture
+def reference(run, tmp_path):
+    """A reference with the one case that `run` replays."""
+    path = tmp_path / "reference" / "three.toml"
+    update(path, [str(run.folder)])
+    return path
+
+
+def rewritten(reference, **changed):
+    """The same reference with its case changed."""
+    (case,) = read_reference(reference)
+    write_reference((case.model_copy(update=changed),), reference)
+    return case
+
+
+def without_poses(panoramas, folder):
+    """The same images as a source without positions and labels."""
+    folder.mkdir()
+    for image in panoramas.glob("*.png"):
+        (folder / image.name).symlink_to(image)
+    return f"folder:{folder}"
+
+
+@pytest.mark.parametrize(
+    ("got", "judgement"),
+    [
+        (0.30, "ok"),
+        (0.28, "ok"),
+        (0.32, "ok"),
+        (0.2799, "worse"),
+        (0.33, "better"),
+        (None, "missing"),
+        (float("nan"), "missing"),
+    ],
+)
+def test_a_value_may_fall_by_its_tolerance_and_rise_as_it_likes(got, judgement):
+    assert judged({"nodes": 9, "silhouette": got}) == {"nodes": "ok", "silhouette": judgement}
+
+
+@pytest.mark.parametrize(("got", "judgement"), [(0.05, "ok"), (0.11, "worse"), (0.0, "ok"), (-0.1, "better")])
+def test_of_some_values_less_is_better(got, judgement):
+    guards = {"share_forced": Guard(value=0.05, tolerance=0.05, better="lower")}
+    assert judged({"nodes": 9, "share_forced": got}, guards=guards)["share_forced"] == judgement
+
+
+@pytest.mark.parametrize(
+    ("nodes", "judgement"), [(8, "ok"), (10, "ok"), (7, "outside"), (11, "outside"), (None, "missing")]
+)
+def test_nodes_stay_in_their_range(nodes, judgement):
+    assert judged({"nodes": nodes, "silhouette": 0.3})["nodes"] == judgement
+
+
+def test_a_replay_without_metrics_has_every_value_missing():
+    assert judged({}) == {"nodes": "missing", "silhouette": "missing"}
+
+
+def test_a_run_holds_against_the_reference_made_of_it(run, reference):
+    (found,) = check(reference, [str(run.folder)])
+    assert not found.failed
+    assert {outcome.judgement for outcome in found.outcomes} == {"ok"}
+    assert (found.parting, found.settings, found.notes) == (None, {}, ())
+
+
+def test_sources_and_the_whole_reference_are_replayed_to_the_same(run, reference, panoramas):
+    for reports in (check(reference, [f"folder:{panoramas}"]), check(reference)):
+        (found,) = reports
+        assert not found.failed
+        assert found.parting is None
+        assert {outcome.metric: outcome.got for outcome in found.outcomes}["silhouette"] == run.metrics["silhouette"]
+
+
+def test_a_value_that_fell_fails_and_is_named(run, reference):
+    (case,) = read_reference(reference)
+    higher = case.guards["silhouette"].model_copy(update={"value": case.guards["silhouette"].value + 0.1})
+    rewritten(reference, guards={**case.guards, "silhouette": higher})
+    (found,) = check(reference, [str(run.folder)])
+    assert found.failed
+    assert [outcome.metric for outcome in found.outcomes if outcome.failed] == ["silhouette"]
+    assert "silhouette of " in report.summary([found], reference)
+    row = next(row for row in report.table_rows([found]) if row["metric"] == "silhouette")
+    assert (row["judgement"], row["difference"]) == ("worse", "-0.1000")
+
+
+def test_a_better_value_passes_and_is_said(run, reference):
+    (case,) = read_reference(reference)
+    lower = case.guards["silhouette"].model_copy(update={"value": case.guards["silhouette"].value - 0.1})
+    rewritten(reference, guards={**case.guards, "silhouette": lower})
+    (found,) = check(reference, [str(run.folder)])
+    assert not found.failed
+    assert "better" in {row["judgement"] for row in report.table_rows([found])}
+
+
+def test_nodes_outside_their_range_fail(run, reference):
+    rewritten(reference, nodes=NodeRange(value=50, min=49, max=51))
+    (found,) = check(reference, [str(run.folder)])
+    assert [outcome.judgement for outcome in found.outcomes if outcome.failed] == ["outside"]
+
+
+def test_a_null_value_fails_and_an_update_says_that_it_is_lost(panoramas, reference, tmp_path):
+    rewritten(reference, source=without_poses(panoramas, tmp_path / "bare"))
+    (found,) = check(reference)
+    failed = {outcome.metric: outcome.judgement for outcome in found.outcomes if outcome.failed}
+    assert {"silhouette", "silhouette_sq", "rooms_ari"} <= set(failed)
+    assert set(failed.values()) == {"missing"}
+    assert any("not those the reference was made with" in note for note in found.notes)
+    (change,) = update(reference)
+    assert any("silhouette has no value any more" in line for line in change_lines(change))
+    assert "silhouette" not in read_reference(reference)[0].guards
+
+
+def test_an_interrupted_run_fails(run, reference, panoramas, tmp_path):
+    def stop(done, total):
+        if done == 30:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "half", progress=stop)
+    (found,) = check(reference, [str(tmp_path / "half")])
+    assert {outcome.judgement for outcome in found.outcomes} == {"missing"}
+    assert found.parting is not None
+    assert (found.parting.frame, found.parting.got) == (30, None)
+    assert "is interrupted" in found.notes[0]
+    with pytest.raises(ResultError, match="is interrupted"):
+        update(reference, [str(tmp_path / "half")])
+
+
+def test_a_case_whose_sequence_is_gone_fails(reference, tmp_path):
+    rewritten(reference, source=f"folder:{tmp_path / 'gone'}")
+    (found,) = check(reference)
+    assert found.failed
+    assert found.fault is not None
+    assert "cannot be replayed" in found.fault
+
+
+def test_what_the_reference_has_no_case_for_fails(run, reference, panoramas, tmp_path):
+    other = replay(panoramas, config=omnieval.configure({**CONFIG, "gamma": 2.0}), out=tmp_path / "other")
+    (found,) = check(reference, [str(other.folder)])
+    assert found.failed
+    assert found.fault is not None
+    assert "gamma 1.0 there, 2.0 here" in found.fault
+    (found,) = check(reference, [f"folder:{tmp_path}"])
+    assert found.fault is not None
+    assert "no case of folder:" in found.fault
+
+
+def test_a_selection_chooses_among_the_cases_of_a_source(reference, panoramas):
+    (found,) = check(reference, [str(panoramas)], selection=Selection(omnieval.configure(CONFIG)))
+    assert not found.failed
+    (found,) = check(reference, [str(panoramas)], selection=Selection(omnieval.configure(CONFIG), Cut(limit=40)))
+    assert found.fault is not None
+    assert "limit None there, 40 here" in found.fault
+    with pytest.raises(ConfigError, match="name one"):
+        check(reference, selection=Selection(omnieval.configure(CONFIG)))
+
+
+def test_no_reference_and_an_empty_one_fail(tmp_path):
+    with pytest.raises(RegressionError, match="there is no reference"):
+        check(tmp_path / "none.toml")
+    with pytest.raises(RegressionError, match="there is no reference"):
+        update(tmp_path / "none.toml")
+    empty = tmp_path / "empty.toml"
+    empty.write_text("schema_version = 1\n")
+    with pytest.raises(RegressionError, match="guards nothing"):
+        check(empty)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("schema_version = 1", "schema_version = 2", "schema version 2"),
+        ("schema_version = 1", "schema_version = ", "cannot read"),
+        ("silhouette_sq =", "silhouete_sq =", "did you mean silhouette_sq"),
+        ("tolerance = 0.02", "tolerance = -0.02", "tolerance"),
+        ("nodes = ", "share_pending = ", "nodes"),
+        ("name = ", "nome = ", "name"),
+        ("gamma = 1.0", "gamma = true", "gamma"),
+        ("[[case]]", "[case]", "write every case as a"),
+        ("date = ", "dote = ", "date"),
+    ],
+)
+def test_a_faulty_reference_is_refused_by_name(reference, old, new, words):
+    reference.write_text(reference.read_text().replace(old, new, 1))
+    with pytest.raises(ConfigError, match=words) as caught:
+        check(reference)
+    assert "three.toml" in str(caught.value)
+
+
+def test_two_cases_of_one_name_are_refused(reference):
+    (case,) = read_reference(reference)
+    write_reference((case, case), reference)
+    with pytest.raises(ConfigError, match="more than one case"):
+        check(reference)
+
+
+def test_a_changed_default_is_caught_at_the_first_step_that_differs(panoramas, tmp_path, monkeypatch):
+    path = tmp_path / "defaults.toml"
+    not_gamma = {name: value for name, value in CONFIG.items() if name != "gamma"}
+    monkeypatch.setitem(PRESETS, "recommended", {"gamma": 1.0})
+    update(path, [str(panoramas)], selection=Selection(omnieval.configure(not_gamma)))
+    assert "gamma" not in read_reference(path)[0].parameters
+    monkeypatch.setitem(PRESETS, "recommended", {"gamma": 20.0})
+    (found,) = check(path)
+    assert found.failed
+    assert found.settings == {"gamma": (1.0, 20.0)}
+    assert found.parting is not None
+    assert found.parting.expected is not None
+    assert found.parting.got is not None
+    assert (found.parting.expected["verdict"], found.parting.got["verdict"]) == ("assigned", "prominence")
+    said = "\n".join(report.explanations(found))
+    assert f"step {found.parting.frame} (image" in said
+    assert "gamma was 1.0 when the reference was made, is 20.0" in said
+
+
+def test_the_trace_explains_and_never_judges(run, reference):
+    (case,) = read_reference(reference)
+    trace = read_trace(reference.parent / case.trace)
+    write_trace(trace.with_columns(best_frame=trace["best_frame"] + 1), reference.parent / case.trace)
+    (found,) = check(reference, [str(run.folder)])
+    assert not found.failed
+    assert found.parting is not None
+    (reference.parent / case.trace).write_bytes(b"no parquet")
+    (found,) = check(reference, [str(run.folder)])
+    assert not found.failed
+    assert "cannot read the decision trace" in found.notes[0]
+    update(reference)
+    assert check(reference, [str(run.folder)])[0].notes == ()
+
+
+@pytest.mark.parametrize("column", DECISION[1:])
+def test_the_first_differing_row_is_found(run, column):
+    steps = run.steps
+    frame = steps.filter(pl.col("verdict") == "assigned")["frame"][-1]
+    trace = steps.select(DECISION)
+    assert first_parting(trace, steps) is None
+    found = first_parting(trace.with_columns(pl.when(pl.col("frame") != frame).then(pl.col(column))), steps)
+    assert found is not None
+    assert (found.frame, found.file) == (frame, steps["file"][frame])
+
+
+def test_a_replay_that_is_longer_or_shorter_parts_at_the_end(run):
+    trace, steps = run.steps.select(DECISION), run.steps
+    longer, shorter = first_parting(trace.head(60), steps), first_parting(trace, steps.head(60))
+    assert longer is not None
+    assert (longer.frame, longer.expected) == (60, None)
+    assert shorter is not None
+    assert (shorter.frame, shorter.file, shorter.got) == (60, None, None)
+
+
+def test_an_update_makes_a_reference_that_says_where_it_comes_from(run, reference):
+    content = tomllib.loads(reference.read_text())
+    (case,) = content["case"]
+    assert case["parameters"] == {"descriptor": "hog", **CONFIG}
+    nodes = run.metrics["nodes"]
+    assert case["expected"]["nodes"] == {"value": nodes, "min": nodes - 1, "max": nodes + 1}
+    assert case["expected"]["silhouette"]["value"] == pytest.approx(run.metrics["silhouette"], abs=1e-6)
+    assert case["expected"]["silhouette"]["tolerance"] == 0.02
+    assert case["expected"]["share_assigned"]["tolerance"] == 0.05
+    assert case["made"]["code"] == run.manifest["code"]
+    assert case["made"]["dataset_fingerprint"] == run.manifest["dataset_fingerprint"]
+    assert case["made"]["versions"] == run.manifest["versions"]
+    assert case["made"]["parameters"]["covariance"] == "diagonal"
+    assert (reference.parent / case["trace"]).stat().st_size < 20_000
+
+
+def test_a_second_update_changes_nothing(reference):
+    before = reference.read_bytes()
+    (change,) = update(reference)
+    assert list(change_lines(change)) == [f"{change.name}: unchanged"]
+    assert reference.read_bytes() == before
+
+
+def test_an_update_keeps_what_people_edit_and_says_what_changed(run, reference):
+    (case,) = read_reference(reference)
+    guards = {
+        "silhouette": Guard(value=0.123, tolerance=0.5),
+        "share_retest": Guard(value=0.9, tolerance=0.4, better="lower"),
+    }
+    rewritten(reference, name="mine", nodes=NodeRange(value=50, min=45, max=51), guards=guards)
+    (change,) = update(reference)
+    (renewed,) = read_reference(reference)
+    nodes = run.metrics["nodes"]
+    assert renewed.name == "mine"
+    assert renewed.nodes == NodeRange(value=nodes, min=max(1, nodes - 5), max=nodes + 1)
+    assert {name: (guard.tolerance, guard.better) for name, guard in renewed.guards.items()} == {
+        "silhouette": (0.5, "higher"),
+        "share_retest": (0.4, "lower"),
+    }
+    assert renewed.guards["silhouette"] == case.guards["silhouette"].model_copy(update={"tolerance": 0.5})
+    lines = list(change_lines(change))
+    assert lines[0] == "mine: changed"
+    assert any(line.startswith("  silhouette 0.123 -> ") for line in lines)
+
+
+def test_an_update_adds_cases_and_leaves_the_others_alone(reference, panoramas):
+    (first,) = read_reference(reference)
+    selection = Selection(omnieval.configure({**CONFIG, "n_new": 12}), Cut(limit=60))
+    (change,) = update(reference, [str(panoramas)], selection=selection)
+    assert change.added
+    one, two = read_reference(reference)
+    assert one == first
+    assert (two.name, two.cut, two.parameters["n_new"]) == (f"{first.name}-2", Cut(limit=60), 12)
+    assert not any(found.failed for found in check(reference))
+
+
+def test_archives_of_descriptors_are_guarded_too(panoramas, tmp_path):
+    describe_archive(omnieval.load(panoramas), tmp_path / "three.npz")
+    path, archive = tmp_path / "archive.toml", str(tmp_path / "three.npz")
+    (change,) = update(path, [archive], selection=Selection(omnieval.configure(CONFIG)))
+    assert change.name == "three-map"
+    assert not check(path)[0].failed
+    with pytest.raises(ConfigError, match="taken as it is"):
+        update(path, [archive], selection=Selection(omnieval.configure(CONFIG), Cut(limit=40)))
+
+
+def test_sources_in_the_working_directory_are_written_relative(panoramas, tmp_path, monkeypatch):
+    monkeypatch.chdir(panoramas.parent)
+    canonical = canonical_source(f"folder:{panoramas.name}")
+    assert canonical == omnieval.load(f"folder:{panoramas.name}").source == canonical_source(panoramas.name)
+    assert portable_source(canonical) == f"folder:{panoramas.name}"
+    monkeypatch.chdir(tmp_path)
+    assert portable_source(canonical) == canonical
+    assert canonical_source("synthetic") == canonical_source("synthetic:cloudy") == "synthetic:cloudy"
+
+
+def test_junit_has_a_test_a_value_and_a_failure_a_failed_one(run, reference, tmp_path):
+    rewritten(reference, nodes=NodeRange(value=50, min=49, max=51), name='a "name" <&> \x07')
+    reports = (*check(reference, [str(run.folder)]), report.CaseReport("gone", fault="cannot be replayed: gone"))
+    write_junit(reports, tmp_path / "check.xml")
+    root = ET.parse(tmp_path / "check.xml").getroot()
+    one, gone = root.findall("testsuite")
+    assert len(one.findall("testcase")) == int(one.attrib["tests"]) == len(reports[0].outcomes)
+    failed = [case.attrib["name"] for case in one.findall("testcase") if case.find("failure") is not None]
+    assert failed == ["nodes"]
+    assert one.attrib["failures"] == gone.attrib["failures"] == gone.attrib["tests"] == "1"
+
+
+@pytest.mark.parametrize("name", ["plain", 'quote " and \\ back', "tab\tline\n", "\x7f", "日本 😀", "a.b = c"])
+def test_any_text_survives_the_file(tmp_path, name):
+    path = tmp_path / "any.toml"
+    write_reference((a_case(name=name, parameters={"imaging.rows": 64, "omega": 1e-7}),), path)
+    assert read_reference(path) == (a_case(name=name, parameters={"imaging.rows": 64, "omega": 1e-7}),)
+
+
+@pytest.mark.parametrize("path", COMMITTED, ids=lambda path: path.stem)
+def test_committed_references_parse_and_name_traces_that_are_there(path):
+    for case in read_reference(path):
+        assert case.config().descriptor == case.parameters["descriptor"]
+        assert case.made is not None
+        assert case.trace is not None
+        trace = read_trace(path.parent / case.trace)
+        assert trace["frame"].to_list() == list(range(len(trace)))
+        assert case.guards["silhouette"].tolerance <= 0.02
+
+
+def test_the_six_synthetic_cases_are_committed():
+    (path,) = [path for path in COMMITTED if path.stem == "synthetic"]
+    found = {(case.source, case.parameters["descriptor"]) for case in read_reference(path)}
+    lights = ("synthetic:cloudy", "synthetic:night", "synthetic:sunny")
+    assert found == {(light, descriptor) for light in lights for descriptor in ("hog", "gist")}
