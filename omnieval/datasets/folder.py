@@ -17,7 +17,6 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 from omnieval.datasets.camera_file import CAMERA_FILE, parse_camera
@@ -29,7 +28,9 @@ from omnieval.datasets.scan import (
     canonical_path,
     has_image_suffix,
     missing_folder,
+    name_faults,
     pose_remark,
+    time_remarks,
     visible_names,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
@@ -60,12 +61,12 @@ def scan_folder(path: str | Path) -> Scan:
     names = sorted(filter(has_image_suffix, visible_names(root)), key=natural_key)
     captures, faults, remarks = _read_poses(root)
     camera, camera_faults = _read_camera(root)
-    faults += camera_faults + _name_faults(names)
+    faults += camera_faults + name_faults(names)
     if not names:
         faults.insert(0, Finding("error", "empty", ROOT, "no image (png, jpg, jpeg, bmp) in the folder"))
     frames = tuple(_frame(root, name, (captures or {}).get(file_key(name), _NO_CAPTURE)) for name in names)
     if captures is not None:
-        remarks += _match_remarks(names, captures) + _pose_remarks(captures) + _time_remarks(frames)
+        remarks += _match_remarks(names, captures) + _pose_remarks(captures) + time_remarks(frames)
     return replace(base, frames=frames, camera=camera, faults=tuple(faults), remarks=tuple(remarks))
 
 
@@ -114,15 +115,6 @@ def _read_text(path: Path) -> str:
         raise DatasetError(f"cannot be read: {error.strerror or error}") from error
 
 
-def _name_faults(names: list[str]) -> list[Finding]:
-    message = "the name is not valid Unicode, so no table can hold it; rename the file"
-    return [
-        Finding("error", "bad-name", shown(name), message)
-        for name in names
-        if any("\ud800" <= letter <= "\udfff" for letter in name)
-    ]
-
-
 def _match_remarks(names: list[str], captures: Mapping[str, Capture]) -> list[Finding]:
     present = {file_key(name) for name in names}
     missing = [
@@ -145,17 +137,3 @@ def _pose_remarks(captures: Mapping[str, Capture]) -> list[Finding]:
         if capture.pose is not None
     ]
     return [remark for remark in remarks if remark is not None]
-
-
-def _time_remarks(frames: tuple[Frame, ...]) -> list[Finding]:
-    """Compare the order of names with that of times, over the frames that have one."""
-    remarks: list[Finding] = []
-    timed = [(frame.file, frame.time_ns) for frame in frames if frame.time_ns is not None]
-    for (earlier, before), (later, after) in pairwise(timed):
-        if after == before:
-            message = f"taken at the same time as {shown(earlier)}; keep one"
-            remarks.append(Finding("error", "duplicate-time", shown(later), message))
-        elif after < before:
-            message = f"comes after {shown(earlier)} by name, but was taken before it; rename the files or correct time"
-            remarks.append(Finding("error", "backward-time", shown(later), message))
-    return remarks

@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 from omnieval.datasets.cards import Card, card, overridden
@@ -33,7 +32,9 @@ from omnieval.datasets.scan import (
     canonical_path,
     has_image_suffix,
     missing_folder,
+    name_faults,
     pose_remark,
+    time_remarks,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
 from omnieval.errors import DatasetError
@@ -88,7 +89,7 @@ def scan_innova(path: str | Path) -> Scan:
         return replace(base, faults=(Finding("error", "bad-card", ROOT, str(error)),))
     layout = known.layout or Layout()
     names = _image_names(root, layout.images)
-    faults = _name_faults(names)
+    faults = name_faults(names)
     if not names:
         message = f"no image (png, jpg, jpeg, bmp) matches {shown(layout.images)}; set layout.images in {OWN_CARDS[0]}"
         faults.append(Finding("error", "empty", ROOT, message))
@@ -100,7 +101,7 @@ def scan_innova(path: str | Path) -> Scan:
         truth_findings = truth_findings + match_findings + _pose_remarks(captures, truth)
     frames = tuple(_frame(root, name, captures.get(name)) for name in names)
     faults += [finding for finding in truth_findings if finding.code in _FORBIDDING]
-    remarks += [finding for finding in truth_findings if finding.code not in _FORBIDDING] + _time_remarks(frames)
+    remarks += [finding for finding in truth_findings if finding.code not in _FORBIDDING] + time_remarks(frames)
     return replace(
         base,
         frames=frames,
@@ -151,15 +152,6 @@ def _is_folder(path: Path) -> bool:
         return path.is_dir()
     except OSError:  # it may not even be looked at; reading it will say so
         return False
-
-
-def _name_faults(names: list[str]) -> list[Finding]:
-    message = "the name is not valid Unicode, so no table can hold it; rename the file"
-    return [
-        Finding("error", "bad-name", shown(name), message)
-        for name in names
-        if any("\ud800" <= letter <= "\udfff" for letter in name)
-    ]
 
 
 def _spread_remarks(names: list[str]) -> list[Finding]:
@@ -264,17 +256,3 @@ def _frame(root: Path, name: str, capture: Capture | None) -> Frame:
     if pose is not None:
         pose = Pose(pose.x, pose.y, wrapped(pose.yaw))
     return Frame(root / name, name, capture.time_ns, pose, capture.room)
-
-
-def _time_remarks(frames: Iterable[Frame]) -> list[Finding]:
-    """Compare the order of names with that of times, over the frames that have one."""
-    remarks: list[Finding] = []
-    timed = [(frame.file, frame.time_ns) for frame in frames if frame.time_ns is not None]
-    for (earlier, before), (later, after) in pairwise(timed):
-        if after == before:
-            message = f"taken at the same time as {shown(earlier)}; keep one"
-            remarks.append(Finding("error", "duplicate-time", shown(later), message))
-        elif after < before:
-            message = f"comes after {shown(earlier)} by name, but was taken before it; correct names or times"
-            remarks.append(Finding("error", "backward-time", shown(later), message))
-    return remarks

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -168,3 +169,27 @@ def pose_remark(pose: Pose, where: str, *, largest_yaw: float) -> Finding | None
         message = f"yaw {pose.yaw:g} is beyond {largest_yaw:.6g}; expected radians"
         return Finding("warning", "yaw-out-of-range", where, message)
     return None
+
+
+def name_faults(names: list[str]) -> list[Finding]:
+    """Return a finding for every file name that is not valid Unicode."""
+    message = "the name is not valid Unicode, so no table can hold it; rename the file"
+    return [
+        Finding("error", "bad-name", shown(name), message)
+        for name in names
+        if any("\ud800" <= letter <= "\udfff" for letter in name)
+    ]
+
+
+def time_remarks(frames: tuple[Frame, ...]) -> list[Finding]:
+    """Return a finding wherever the order of names and that of times disagree, over the frames that have a time."""
+    remarks: list[Finding] = []
+    timed = [(frame.file, frame.time_ns) for frame in frames if frame.time_ns is not None]
+    for (earlier, before), (later, after) in pairwise(timed):
+        if after == before:
+            message = f"taken at the same time as {shown(earlier)}; keep one"
+            remarks.append(Finding("error", "duplicate-time", shown(later), message))
+        elif after < before:
+            message = f"comes after {shown(earlier)} by name, but was taken before it; rename the files or correct time"
+            remarks.append(Finding("error", "backward-time", shown(later), message))
+    return remarks
