@@ -1,18 +1,24 @@
-"""The shift-invariant distance between orientation descriptors, by FFT over the cells.
+"""How far images are from each other: position descriptors as they are, orientation descriptors at their best roll.
 
 A rotation of the robot rolls the orientation descriptor, so two are compared at the roll that aligns them best
-(section 4.2 of Román et al., doi 10.3390/app10186480)::
+(section 4.2 of Román et al., doi 10.3390/app10186480), by FFT over the cells, for all rolls s at once::
 
     dist(q, k) = min_s ||q - roll(k, s)||,   ||q - roll(k, s)||^2 = ||q||^2 + ||k||^2 - 2 corr(s)
 
-with corr the sum over bins of the circular cross-correlation along the cells, for all s at once.
+with corr the sum over bins of the circular cross-correlation along the cells.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
+
+from omnieval.descriptors.description import Description
 
 _CANCELLATION = 1e-9
 """Below this share of the squared norms the closed form has lost its digits and the distance is computed directly."""
@@ -20,80 +26,206 @@ _CANCELLATION = 1e-9
 _ROUNDING = 1e-13
 """Relative error of a correlation."""
 
-_BLOCK = 32
-"""Spectra gathered at once: 1 MB, which stays in the processor's cache, where gathering all is three times slower."""
+_TILE = 64
+"""Images compared at once. Tiles are whole and aligned, so that a distance has the same bits whoever asks for it."""
 
 
-class OrientationStore:
-    """Orientation descriptors that can be compared with each other; grows by doubling.
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """An image compared with m others.
+
+    Attributes
+    ----------
+    position
+        Euclidean distances of the position descriptors, shape (m,), float64.
+    orientation
+        Shift-invariant distances of the orientation descriptors, shape (m,), float64.
+    shifts
+        The roll s of each of the others that aligns it with the image, in cells, shape (m,), the smallest of
+        equally good ones.
+    """
+
+    position: NDArray[np.float64]
+    orientation: NDArray[np.float64]
+    shifts: NDArray[np.int64]
+
+
+class DescriptionStore:
+    """Descriptions that can be compared with each other; grows by whole tiles.
 
     Double precision, because the closed form subtracts nearly equal numbers: 49 kB an image of 256 cells x 16 bins.
+    What was computed of the images last asked for is remembered, so that several who ask pay once.
     """
 
     def __init__(self) -> None:
         self._count = 0
-        self._descriptors: NDArray[np.float32] = np.empty((0, 0, 0), np.float32)
-        self._spectra: NDArray[np.complex128] = np.empty((0, 0, 0), np.complex128)
-        self._squares: NDArray[np.float64] = np.empty(0)
+        self._tiles: list[_Tile] = []
+        self._rows: dict[int, _Row] = {}
 
     def __len__(self) -> int:
         return self._count
 
-    def append(self, orientation: NDArray[np.float32]) -> int:
-        """Keep a descriptor, shape (cells, bins), and return its number."""
-        if self._count == len(self._squares):
-            self._grow(orientation.shape)
-        exact = orientation.astype(np.float64)
-        self._descriptors[self._count] = orientation
-        self._spectra[self._count] = rfft(exact, axis=0)
-        self._squares[self._count] = np.square(exact).sum()
+    def append(self, description: Description) -> int:
+        """Keep a description and return its number."""
+        tile, place = divmod(self._count, _TILE)
+        if tile == len(self._tiles):
+            self._tiles.append(_Tile.empty(len(description.position), *description.orientation.shape))
+        self._tiles[tile].put(place, description)
+        for row in self._rows.values():
+            row.forget(tile)
         self._count += 1
         return self._count - 1
 
-    def compare(self, query: int, others: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Compare a descriptor with others, by their numbers.
+    def compare(self, query: int, others: NDArray[np.int64]) -> Distances:
+        """Compare an image with others, by their numbers, shape (m,)."""
+        row = self._rows.get(query)
+        if row is None:
+            row = _Row()
+            self._rows = {query: row}
+        row.reach(len(self._tiles))
+        wanted = np.zeros(len(self._tiles), np.bool_)
+        wanted[others // _TILE] = True
+        missing = np.flatnonzero(wanted & ~row.known)
+        if len(missing):
+            asked = self._query(query)
+            for tile in missing.tolist():
+                self._fill(row, asked, tile)
+        return Distances(row.position[others], row.orientation[others], row.shifts[others])
 
-        Returns
-        -------
-        distances
-            Shape (m,), float64.
-        shifts
-            The roll s of each of the others that aligns it with the query, in cells, shape (m,); the smallest of
-            equally good ones.
+    def anticipate(self, queries: Iterable[int], *, later: bool = False, threads: int = 1) -> None:
+        """Compare some images with all earlier ones, and remember it until other images are asked for.
+
+        The same numbers as `compare` gives one by one, but the descriptors are read once for all queries.
+
+        Parameters
+        ----------
+        queries
+            The images that will be asked for.
+        later
+            Compare with the later images too.
+        threads
+            To compute with.
         """
-        squared, shifts = np.empty(len(others)), np.empty(len(others), np.int64)
-        for start in range(0, len(others), _BLOCK):
-            block = slice(start, start + _BLOCK)
-            squared[block], shifts[block] = self._compare(query, others[block])
+        rows = {query: _Row() for query in queries}
+        asked = {query: self._query(query) for query in rows}
+        for row in rows.values():
+            row.reach(len(self._tiles))
+
+        def fill(tile: int) -> None:
+            for query, row in rows.items():
+                if later or tile * _TILE < query:
+                    self._fill(row, asked[query], tile)
+
+        tiles = range(len(self._tiles))
+        if threads == 1:
+            for tile in tiles:
+                fill(tile)
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(fill, tiles))
+        self._rows = rows
+
+    def _query(self, query: int) -> _Query:
+        tile, place = self._tiles[query // _TILE], query % _TILE
+        return _Query(
+            tile.positions[place],
+            tile.orientations[place],
+            np.ascontiguousarray(tile.conjugates[:, :, place].conj())[:, np.newaxis],
+            float(tile.squares[place]),
+        )
+
+    def _fill(self, row: _Row, query: _Query, number: int) -> None:
+        tile = self._tiles[number]
+        difference = tile.positions - query.position
+        position = np.sqrt(np.einsum("kd,kd->k", difference, difference))
+        row.put(number, position, *tile.align(query))
+
+
+@dataclass(frozen=True, slots=True)
+class _Query:
+    """An image to compare: its descriptors, spectrum of shape (frequencies, 1, bins), and squared norm."""
+
+    position: NDArray[np.float64]
+    orientation: NDArray[np.float32]
+    spectrum: NDArray[np.complex128]
+    square: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Tile:
+    """Some images; of orientation descriptors also the conjugate spectra and the squared norms.
+
+    Shapes (tile, d), (tile, cells, bins), (frequencies, bins, tile), (tile,).
+    """
+
+    positions: NDArray[np.float64]
+    orientations: NDArray[np.float32]
+    conjugates: NDArray[np.complex128]
+    squares: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls, dimensions: int, cells: int, bins: int) -> _Tile:
+        return cls(
+            np.zeros((_TILE, dimensions)),
+            np.zeros((_TILE, cells, bins), np.float32),
+            np.zeros((cells // 2 + 1, bins, _TILE), np.complex128),
+            np.zeros(_TILE),
+        )
+
+    def put(self, place: int, description: Description) -> None:
+        exact = description.orientation.astype(np.float64)
+        self.positions[place] = description.position
+        self.orientations[place] = description.orientation
+        self.conjugates[:, :, place] = rfft(exact, axis=0).conj()
+        self.squares[place] = np.square(exact).sum()
+
+    def align(self, query: _Query) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return orientation distances and shifts, shape (tile,) each."""
+        cells = self.orientations.shape[1]
+        correlation = irfft(np.matmul(query.spectrum, self.conjugates)[:, 0], cells, axis=0)
+        scale = query.square + self.squares
+        # Rounding must not choose among shifts that are equally good.
+        best = correlation.max(axis=0) - _ROUNDING * scale
+        shifts = (correlation >= best).argmax(axis=0)
+        squared = scale - 2.0 * correlation[shifts, np.arange(_TILE)]
+        for place in np.flatnonzero(squared <= _CANCELLATION * scale).tolist():
+            rolled = np.roll(self.orientations[place], int(shifts[place]), axis=0)
+            squared[place] = np.square(query.orientation.astype(np.float64) - rolled).sum()
         return np.sqrt(squared), shifts
 
-    def _compare(self, query: int, others: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return squared distances and shifts of a few."""
-        cells = self._descriptors.shape[1]
-        # conj(Q) K instead of Q conj(K): then only the small result has to be conjugated.
-        products = np.einsum("mfb,fb->mf", self._spectra[others], self._spectra[query].conj())
-        correlation = irfft(products.conj(), cells, axis=1)
-        scale = self._squares[query] + self._squares[others]
-        # Rounding must not choose among shifts that are equally good.
-        best = correlation.max(axis=1) - _ROUNDING * scale
-        shifts = (correlation >= best[:, np.newaxis]).argmax(axis=1)
-        squared = scale - 2.0 * correlation[np.arange(len(others)), shifts]
-        for index in np.flatnonzero(squared <= _CANCELLATION * scale):
-            squared[index] = self._squared_distance(query, int(others[index]), int(shifts[index]))
-        return squared, shifts
 
-    def _squared_distance(self, query: int, other: int, shift: int) -> float:
-        difference = self._descriptors[query].astype(np.float64) - np.roll(self._descriptors[other], shift, axis=0)
-        return float(np.square(difference).sum())
+class _Row:
+    """Distances of one image from those of all tiles, as far as they are known."""
 
-    def _grow(self, shape: tuple[int, ...]) -> None:
-        cells, bins = shape
-        capacity = max(64, 2 * self._count)
-        descriptors = np.empty((capacity, cells, bins), np.float32)
-        spectra = np.empty((capacity, cells // 2 + 1, bins), np.complex128)
-        squares = np.empty(capacity)
-        if self._count:
-            descriptors[: self._count] = self._descriptors
-            spectra[: self._count] = self._spectra
-            squares[: self._count] = self._squares
-        self._descriptors, self._spectra, self._squares = descriptors, spectra, squares
+    def __init__(self) -> None:
+        self.position = np.empty(0)
+        self.orientation = np.empty(0)
+        self.shifts = np.empty(0, np.int64)
+        self.known = np.empty(0, np.bool_)
+
+    def reach(self, tiles: int) -> None:
+        """Make room for some tiles in all."""
+        more = tiles - len(self.known)
+        if more > 0:
+            self.known = np.append(self.known, np.zeros(more, np.bool_))
+            self.position = np.append(self.position, np.empty(more * _TILE))
+            self.orientation = np.append(self.orientation, np.empty(more * _TILE))
+            self.shifts = np.append(self.shifts, np.empty(more * _TILE, np.int64))
+
+    def put(
+        self,
+        tile: int,
+        position: NDArray[np.float64],
+        orientation: NDArray[np.float64],
+        shifts: NDArray[np.int64],
+    ) -> None:
+        place = slice(tile * _TILE, (tile + 1) * _TILE)
+        self.position[place] = position
+        self.orientation[place] = orientation
+        self.shifts[place] = shifts
+        self.known[tile] = True
+
+    def forget(self, tile: int) -> None:
+        """Drop what is known of a tile, which has got another image."""
+        if tile < len(self.known):
+            self.known[tile] = False

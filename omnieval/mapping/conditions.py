@@ -5,6 +5,7 @@ Equations and sections are those of Román et al., doi 10.3390/app10186480.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,12 @@ DISTANCE_FLOOR = 1e-9
 
 def gate_threshold(omega: float, active: int) -> float:
     """Return x(C) = max(omega, 3.05 - 0.15 C) for C active nodes (sections 4.1 and 6.2)."""
-    return max(omega, 3.05 - 0.15 * active)
+    return max(omega, gate_floor(active))
+
+
+def gate_floor(active: int) -> float:
+    """Return 3.05 - 0.15 C, what x(C) is at least."""
+    return 3.05 - 0.15 * active
 
 
 def similarities(distances: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -64,10 +70,12 @@ def centroid_shift(position: NDArray[np.float64], representative: NDArray[np.flo
     return float(np.linalg.norm(position - representative)) / (count + 1)
 
 
-def centroid_bound(positions: NDArray[np.float64], representative: NDArray[np.float64]) -> float:
-    """Return the largest leave-one-out shift of a node's mean: max_j ||p_j - r|| / (n - 1) (Eq. 9)."""
-    distances = np.linalg.norm(positions - representative, axis=1)
-    return float(distances.max()) / (len(positions) - 1)
+def centroid_bound(squared_radii: NDArray[np.float64]) -> float:
+    """Return the largest leave-one-out shift of a node's mean: max_j ||p_j - r|| / (n - 1) (Eq. 9).
+
+    `squared_radii` are the squared distances of its n images from the mean, shape (n,).
+    """
+    return math.sqrt(float(squared_radii.max())) / (len(squared_radii) - 1)
 
 
 def mean_distance(representative: NDArray[np.float64], others: NDArray[np.float64]) -> float:

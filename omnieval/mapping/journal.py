@@ -1,27 +1,58 @@
-"""What a step notes down while it decides: events of nodes, and how close its comparisons were."""
+"""What a step notes down while it decides: events of nodes, and everything it compared."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnieval.mapping.step import Margin, Match, NodeEvent
+from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.step import Comparison, Margin, Match, NodeEvent
 
 
 class Journal:
-    """Events of one step in order, and its margin: the comparison that was nearest to going the other way."""
+    """Events and comparisons of one step, in order."""
 
     def __init__(self) -> None:
         self.events: list[NodeEvent] = []
-        self.margin: Margin | None = None
+        self.comparisons: list[Comparison] = []
 
-    def compare(self, gate: str, values: NDArray[np.float64] | Sequence[float] | float, threshold: float) -> None:
-        """Note the comparison of each of some values with a threshold."""
-        distances = np.abs(np.asarray(values, np.float64) - threshold)
-        if distances.size:
-            self._note(float(distances.min()) / (abs(threshold) or 1.0), gate)
+    def compare(
+        self,
+        gate: str,
+        values: Sequence[float],
+        threshold: float,
+        *,
+        parameter: str | None = None,
+        floor: float = -np.inf,
+    ) -> None:
+        """Note that values were compared with a threshold: at most the threshold, or more.
+
+        Parameters
+        ----------
+        gate
+            The gate they were compared for.
+        values
+            What was compared; may be empty.
+        threshold
+            With what.
+        parameter, floor
+            The parameter the threshold comes from, if it does, and what it is at least.
+        """
+        below, above = -np.inf, np.inf
+        for value in values:
+            if value <= threshold:
+                below = max(below, value)
+            else:
+                above = min(above, value)
+        if values:
+            self.comparisons.append(Comparison(gate, threshold, below, above, parameter, floor))
+
+    def reach(self, gate: str, value: float, threshold: float, *, parameter: str | None = None) -> None:
+        """Note that a value was compared with a threshold: at least the threshold, or less."""
+        reached = value >= threshold
+        below, above = (-np.inf, value) if reached else (value, np.inf)
+        self.comparisons.append(Comparison(gate, threshold, below, above, parameter, reaches=True))
 
     def compare_best(self, match: Match, sizes: Sequence[int]) -> None:
         """Note how much more similar the best image is than the best one of any other candidate node.
@@ -31,9 +62,24 @@ class Journal:
         if len(sizes) < 2:
             return
         starts = np.cumsum([0, *sizes[:-1]])
-        best_of_each = np.sort(np.maximum.reduceat(match.similarity, starts))
-        self._note(1.0 - float(best_of_each[-2] / best_of_each[-1]), "match")
+        second, best = np.sort(np.maximum.reduceat(match.similarity, starts))[-2:].tolist()
+        self.comparisons.append(Comparison("match", best, second, np.inf))
 
-    def _note(self, value: float, gate: str) -> None:
-        if self.margin is None or value < self.margin.value:
-            self.margin = Margin(value, gate)
+
+def smallest_margin(comparisons: Iterable[Comparison], config: MapperConfig) -> Margin | None:
+    """Return how near a step was to going another way; None when nothing was compared.
+
+    `config` gives the thresholds. It may be another one than the step was decided with, as long as every comparison
+    comes out the same.
+    """
+    smallest: Margin | None = None
+    for one in comparisons:
+        if one.gate == "run":
+            continue
+        threshold = one.threshold
+        if one.parameter is not None:
+            threshold = one.threshold_at(getattr(config, one.parameter))
+        value = one.margin_at(threshold)
+        if smallest is None or value < smallest.value:
+            smallest = Margin(value, one.gate)
+    return smallest

@@ -6,7 +6,8 @@ Omnidirectional Imaging*, Appl. Sci. 2020, 10(18), 6480, doi 10.3390/app10186480
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,18 +15,20 @@ from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError
+from omnieval.mapping.bank import NodeBank
 from omnieval.mapping.conditions import (
     centroid_bound,
     centroid_shift,
+    gate_floor,
     gate_threshold,
     mean_distance,
     mean_pairwise_distance,
 )
 from omnieval.mapping.config import Gate, MapperConfig
-from omnieval.mapping.journal import Journal
+from omnieval.mapping.journal import Journal, smallest_margin
 from omnieval.mapping.matching import match_image
 from omnieval.mapping.memory import ImageMemory
-from omnieval.mapping.node import Node, fit_node
+from omnieval.mapping.node import Node, fit_node, grow_node
 from omnieval.mapping.step import (
     Centroid,
     EventKind,
@@ -45,6 +48,13 @@ class Mapper:
     Arrays in, decisions out: the mapper opens no file and depends on nothing but its configuration and the
     descriptions it was given, in their order.
 
+    Parameters
+    ----------
+    config
+        Parameters of the method.
+    images
+        The images, where several mappers share them; see `sweep`.
+
     Examples
     --------
     >>> import numpy as np
@@ -57,14 +67,23 @@ class Mapper:
     29
     """
 
-    def __init__(self, config: MapperConfig | None = None) -> None:
+    def __init__(self, config: MapperConfig | None = None, images: ImageMemory | None = None) -> None:
         self.config = config or MapperConfig()
-        self._images = ImageMemory()
+        self._images = ImageMemory() if images is None else images
         self._nodes: dict[int, Node] = {}
-        self._active: set[int] = set()
+        self._active = NodeBank([])
         self._run: list[int] = []
         self._created = 0
-        self._placements: dict[int, Placement] = {}
+        self._placements: list[Placement] = []
+
+    def fork(self, config: MapperConfig) -> Mapper:
+        """Return a mapper with the same past and another configuration; the images are shared."""
+        other = copy(self)
+        other.config = config
+        other._nodes = dict(self._nodes)
+        other._run = list(self._run)
+        other._placements = list(self._placements)
+        return other
 
     def step(self, description: Description) -> Step:
         """Decide about the next image.
@@ -74,10 +93,14 @@ class Mapper:
         ConfigError
             If the description's arrays are not finite or not shaped like the earlier ones.
         """
-        frame = self._images.append(description)
-        if frame < self.config.n_init:
-            return self._initial_step(frame)
+        return self.decide(self._images.append(description))
+
+    def decide(self, frame: int) -> Step:
+        """Decide about the next image, which is among the images already."""
+        self._placements.append(Placement.UNASSIGNED)
         journal = Journal()
+        if frame < self.config.n_init:
+            return self._initial_step(frame, journal)
         examination = self._examine(frame, journal)
         verdict = examination.verdict
         node: int | None
@@ -100,23 +123,44 @@ class Mapper:
         ConfigError
             If there were fewer images than the first node needs.
         """
-        count = len(self._images)
+        count = len(self._placements)
         if count < self.config.n_init:
             raise ConfigError(
                 f"the first node needs n_init = {self.config.n_init} images but there are only {count}; "
                 "lower n_init or give a longer sequence"
             )
-        labels = np.zeros(count, np.int64)
+        return self.final_map({frame: self.place(frame, Journal()) for frame in self.leftovers})
+
+    @property
+    def leftovers(self) -> list[int]:
+        """Images of broken runs, which belong to no node of the map."""
+        return [frame for frame, placement in enumerate(self._placements) if placement is Placement.UNASSIGNED]
+
+    def place(self, frame: int, journal: Journal) -> tuple[int, Placement]:
+        """Return the node a leftover ends in and how; the map stays as it is."""
+        if self.config.leftovers == "unassigned":
+            return 0, Placement.UNASSIGNED
+        examination = self._examine(frame, journal)
+        if examination.verdict is Verdict.ASSIGNED:
+            return examination.node, Placement.RETEST
+        pending = self._first_pending(frame, examination.gate.x, journal)
+        if pending is not None:
+            return pending, Placement.RETEST
+        return self._match(frame, self._nodes).node, Placement.FORCED
+
+    def final_map(self, placed: Mapping[int, tuple[int, Placement]]) -> FinalMap:
+        """Return the partition of all images so far, with the leftovers where they were placed."""
+        labels = np.zeros(len(self._placements), np.int64)
+        placements = list(self._placements)
         for node in self._nodes.values():
             labels[node.frames] = node.id
-        placements = dict(self._placements)
-        for frame in np.flatnonzero(labels == 0).tolist():
-            labels[frame], placements[frame] = self._place_leftover(frame)
+        for frame, (label, placement) in placed.items():
+            labels[frame], placements[frame] = label, placement
         return FinalMap(
             labels=labels,
-            placements=tuple(placements[frame] for frame in range(count)),
+            placements=tuple(placements),
             nodes=tuple(self._nodes),
-            active=frozenset(self._active),
+            active=frozenset(self._active.ids.tolist()),
             representatives=np.stack([node.representative for node in self._nodes.values()]),
         )
 
@@ -125,14 +169,14 @@ class Mapper:
     def _examine(self, frame: int, journal: Journal) -> _Examination:
         """Hold an image against the active nodes: gate, match, prominence, centroid."""
         config = self.config
-        gate = self._gate(frame)
-        journal.compare("node", gate.ratios, gate.x)
-        if not len(gate.candidates):
+        gate = self._gate(frame, journal)
+        candidates = gate.candidates.tolist()
+        if not candidates:
             return _Examination(Verdict.NO_CANDIDATE, gate)
-        match = self._match(frame, gate.candidates.tolist())
-        journal.compare_best(match, [len(self._nodes[node].frames) for node in gate.candidates.tolist()])
+        match = self._match(frame, candidates)
+        journal.compare_best(match, [len(self._nodes[node].frames) for node in candidates])
         if match.peaks >= 2:
-            journal.compare("prominence", match.prominence_ratio, config.gamma)
+            journal.reach("prominence", match.prominence_ratio, config.gamma, parameter="gamma")
             prominent = match.prominence_ratio >= config.gamma
         else:
             prominent = config.single_peak == "accept"
@@ -141,20 +185,21 @@ class Mapper:
         node = self._nodes[match.node]
         centroid = Centroid(
             shift=centroid_shift(self._images.position(frame), node.representative, len(node.frames)),
-            bound=centroid_bound(self._images.positions(node.frames), node.representative),
+            bound=centroid_bound(node.squared_radii),
         )
-        journal.compare("centroid", centroid.shift, centroid.bound)
+        journal.compare("centroid", [centroid.shift], centroid.bound)
         verdict = Verdict.ASSIGNED if centroid.shift <= centroid.bound else Verdict.CENTROID
         return _Examination(verdict, gate, match, centroid)
 
-    def _gate(self, frame: int) -> NodeGate:
+    def _gate(self, frame: int, journal: Journal) -> NodeGate:
         """Node-level loop closure (Eq. 4)."""
-        nodes = sorted(self._active)
-        position = self._images.position(frame)
-        ratios = np.array([self._nodes[node].ratio(position) for node in nodes])
+        ratios = self._active.ratios(self._images.position(frame))
         if self.config.node_gate == "two-sided":
             ratios = np.abs(ratios)
-        return NodeGate(gate_threshold(self.config.omega, len(nodes)), np.array(nodes, np.int64), ratios)
+        floor = gate_floor(len(self._active.ids))
+        gate = NodeGate(gate_threshold(self.config.omega, len(self._active.ids)), self._active.ids, ratios)
+        journal.compare("node", ratios.tolist(), gate.x, parameter="omega", floor=floor)
+        return gate
 
     def _match(self, frame: int, candidates: Iterable[int]) -> Match:
         members = {node.id: node.frames for node in self._nodes.values()}
@@ -162,14 +207,15 @@ class Mapper:
 
     def _first_pending(self, frame: int, x: float, journal: Journal) -> int | None:
         """Return the nearest pending node whose gate lets the image in."""
-        position = self._images.position(frame)
-        ratios = {node.id: node.ratio(position) for node in self._nodes.values() if node.id not in self._active}
-        return _nearest(ratios, self.config.node_gate, x, "pending", journal)
+        position, active = self._images.position(frame), self._active.ids.tolist()
+        ratios = {node.id: node.ratio(position) for node in self._nodes.values() if node.id not in active}
+        tested = _tested(ratios, self.config.node_gate)
+        journal.compare("pending", list(tested.values()), x, parameter="omega", floor=gate_floor(len(active)))
+        return _nearest(ratios, tested, x)
 
     # -- changing the map ---------------------------------------------------------------------------------
 
-    def _initial_step(self, frame: int) -> Step:
-        journal = Journal()
+    def _initial_step(self, frame: int, journal: Journal) -> Step:
         self._run.append(frame)
         if len(self._run) == self.config.n_init:
             self._create(journal)
@@ -182,7 +228,8 @@ class Mapper:
             return None, len(self._run)
         self._run.append(frame)
         run = len(self._run)
-        return (self._create(journal) if run == self.config.n_new else None), run
+        journal.reach("run", run, self.config.n_new, parameter="n_new")
+        return (self._create(journal) if run >= self.config.n_new else None), run
 
     def _create(self, journal: Journal) -> int:
         """Make a node of the run; return the node its images end in."""
@@ -190,7 +237,8 @@ class Mapper:
         node = self._created
         self._fit(node, np.array(self._run, np.int64))
         journal.events.append(NodeEvent(EventKind.CREATED, node, frames=tuple(self._run)))
-        self._placements.update(dict.fromkeys(self._run, Placement.FOUNDING))
+        for frame in self._run:
+            self._placements[frame] = Placement.FOUNDING
         self._run.clear()
         return self._settle(node, journal, created=True)
 
@@ -198,13 +246,22 @@ class Mapper:
         """Put the image into a node, which ends the run; return the node the image ends in."""
         self._run.clear()
         self._placements[frame] = placement
-        self._fit(node, np.append(self._nodes[node].frames, frame))
+        old = self._nodes[node]
+        # The match has just compared the image with its candidates; a pending node is small.
+        known = placement is Placement.LOOP_CLOSURE
+        squared = np.square(self._images.compare(frame, old.frames).position) if known else None
+        self._put(grow_node(old, frame, self._images.positions, self.config, squared_distances=squared))
         return self._settle(node, journal, created=False)
 
     def _fit(self, node: int, frames: NDArray[np.int64]) -> None:
         old = self._nodes.get(node)
         keep = old.gate if old is not None and self.config.gate_refit == "creation" else None
-        self._nodes[node] = fit_node(node, frames, self._images.positions(frames), self.config, gate=keep)
+        self._put(fit_node(node, frames, self._images.positions(frames), self.config, gate=keep))
+
+    def _put(self, node: Node) -> None:
+        self._nodes[node.id] = node
+        if node.id in self._active.ids:
+            self._active = self._active.replacing(node)
 
     def _settle(self, node: int, journal: Journal, *, created: bool) -> int:
         """After a node was created or has grown: merge it, or test its activation (sections 4.5 and 4.6)."""
@@ -214,46 +271,41 @@ class Mapper:
             if into is None:
                 break
             merged = self._nodes.pop(node)
-            self._active.discard(node)
+            self._activate(set(self._active.ids.tolist()) - {node})
             self._fit(into, np.sort(np.concatenate([self._nodes[into].frames, merged.frames])))
             journal.events.append(NodeEvent(EventKind.MERGED, node, into=into))
             node, created = into, False
-        if node not in self._active and self._stands_apart(node, journal):
-            self._active.add(node)
+        if node not in self._active.ids and self._stands_apart(node, journal):
+            self._activate({*self._active.ids.tolist(), node})
             journal.events.append(NodeEvent(EventKind.ACTIVATED, node))
         return node
 
+    def _activate(self, nodes: set[int]) -> None:
+        """Make these nodes the active ones."""
+        self._active = NodeBank([self._nodes[node] for node in nodes])
+
+    def _others(self, node: int) -> list[Node]:
+        """Return the active nodes besides one."""
+        return [self._nodes[other] for other in self._active.ids.tolist() if other != node]
+
     def _merge_target(self, node: int, journal: Journal) -> int | None:
         """Return the active node that absorbs this one (Eq. 11)."""
-        representative = self._nodes[node].representative
-        ratios = {other: self._nodes[other].ratio(representative) for other in sorted(self._active - {node})}
-        return _nearest(ratios, self.config.merge_gate, self.config.merge_y, "merge", journal)
+        representative, y = self._nodes[node].representative, self.config.merge_y
+        ratios = {other.id: other.ratio(representative) for other in self._others(node)}
+        tested = _tested(ratios, self.config.merge_gate)
+        journal.compare("merge", list(tested.values()), y, parameter="merge_y")
+        return _nearest(ratios, tested, y)
 
     def _stands_apart(self, node: int, journal: Journal) -> bool:
         """Activation: at least as far from the active nodes as these are from each other (section 4.5)."""
-        others = sorted(self._active - {node})
+        others = self._others(node)
         if len(others) < 2:
             return True
-        representatives = np.stack([self._nodes[other].representative for other in others])
+        representatives = np.stack([other.representative for other in others])
         distance = mean_distance(self._nodes[node].representative, representatives)
         bound = mean_pairwise_distance(representatives)
-        journal.compare("activation", distance, bound)
+        journal.reach("activation", distance, bound)
         return distance >= bound
-
-    # -- the end ------------------------------------------------------------------------------------------
-
-    def _place_leftover(self, frame: int) -> tuple[int, Placement]:
-        """Place an image that belongs to no node, against the map as it stands."""
-        if self.config.leftovers == "unassigned":
-            return 0, Placement.UNASSIGNED
-        unrecorded = Journal()
-        examination = self._examine(frame, unrecorded)
-        if examination.verdict is Verdict.ASSIGNED:
-            return examination.node, Placement.RETEST
-        pending = self._first_pending(frame, examination.gate.x, unrecorded)
-        if pending is not None:
-            return pending, Placement.RETEST
-        return self._match(frame, self._nodes).node, Placement.FORCED
 
     def _report(
         self,
@@ -273,9 +325,10 @@ class Mapper:
             centroid=examination.centroid if examination else None,
             run=run,
             events=tuple(journal.events),
-            active=len(self._active),
-            pending=len(self._nodes) - len(self._active),
-            margin=journal.margin,
+            active=len(self._active.ids),
+            pending=len(self._nodes) - len(self._active.ids),
+            margin=smallest_margin(journal.comparisons, self.config),
+            comparisons=tuple(journal.comparisons),
         )
 
 
@@ -295,8 +348,11 @@ class _Examination:
         return self.match.node
 
 
-def _nearest(ratios: dict[int, float], gate: Gate, threshold: float, name: str, journal: Journal) -> int | None:
-    """Return the node with the smallest signed ratio among those whose gate lets in; ties go to the lower id."""
-    tested = {node: abs(ratio) if gate == "two-sided" else ratio for node, ratio in sorted(ratios.items())}
-    journal.compare(name, list(tested.values()), threshold)
+def _tested(ratios: dict[int, float], gate: Gate) -> dict[int, float]:
+    """Return what a gate compares, by ascending node."""
+    return {node: abs(ratio) if gate == "two-sided" else ratio for node, ratio in sorted(ratios.items())}
+
+
+def _nearest(ratios: dict[int, float], tested: dict[int, float], threshold: float) -> int | None:
+    """Return the node with the smallest signed ratio among those let in; ties go to the lower id."""
     return min((node for node in tested if tested[node] <= threshold), key=ratios.__getitem__, default=None)

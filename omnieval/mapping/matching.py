@@ -39,28 +39,33 @@ def match_image(
     prominence_mean
         What the mean prominence is taken over; see `MapperConfig`.
     """
-    sizes = [len(frames) for frames in members.values()]
-    starts = dict(zip(members, np.cumsum([0, *sizes])[:-1].tolist(), strict=True))
     chosen = list(candidates)
+    starts, total = {}, 0
+    for node, images_of_node in members.items():
+        starts[node] = total
+        total += len(images_of_node)
+    sizes = [len(members[node]) for node in chosen]
+    ends = np.cumsum(sizes)
     frames = np.concatenate([members[node] for node in chosen])
-    slots = np.concatenate([starts[node] + np.arange(len(members[node])) for node in chosen])
-    position_distance, orientation_distance, shifts = images.distances(frame, frames)
-    position = similarities(position_distance)
-    orientation = similarities(orientation_distance)
+    # Where a node's images begin on the curve, less where they begin among the candidates'.
+    offsets = [starts[node] - end + size for node, end, size in zip(chosen, ends.tolist(), sizes, strict=True)]
+    slots = np.arange(len(frames)) + np.repeat(offsets, sizes)
+    distances = images.compare(frame, frames)
+    position = similarities(distances.position)
+    orientation = similarities(distances.orientation)
     similarity = position * orientation
-    best = int(np.argmax(similarity))
-    measured = prominence(similarity, slots, sum(sizes), best)
-    ends = np.cumsum([len(members[node]) for node in chosen])
+    best = int(similarity.argmax())
+    measured = prominence(similarity, slots, total, best)
     return Match(
         frames=frames,
         slots=slots,
-        map_size=sum(sizes),
+        map_size=total,
         position=position,
         orientation=orientation,
         similarity=similarity,
-        shifts=shifts,
+        shifts=distances.shifts,
         best=best,
-        node=chosen[int(np.searchsorted(ends, best, side="right"))],
+        node=chosen[int(ends.searchsorted(best, side="right"))],
         prominence=measured.best,
         prominence_mean=measured.total / (measured.peaks if prominence_mean == "peaks" else len(frames)),
         peaks=measured.peaks,

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
-from omnieval.descriptors.distance import OrientationStore
+from omnieval.descriptors.distance import DescriptionStore, Distances
 from omnieval.errors import ConfigError
 
 
 class ImageMemory:
-    """Descriptors of every image so far; memory grows linearly, by doubling."""
+    """Descriptors of every image so far; memory grows linearly."""
 
     def __init__(self) -> None:
         self._count = 0
         self._positions: NDArray[np.float64] = np.empty((0, 0))
-        self._orientations = OrientationStore()
+        self._store = DescriptionStore()
         self._shapes: tuple[tuple[int, ...], tuple[int, ...]] | None = None
 
     def __len__(self) -> int:
@@ -36,7 +38,7 @@ class ImageMemory:
             grown[: self._count] = self._positions[: self._count].reshape(self._count, position.size)
             self._positions = grown
         self._positions[self._count] = position
-        self._orientations.append(description.orientation)
+        self._store.append(description)
         self._count += 1
         return self._count - 1
 
@@ -49,18 +51,13 @@ class ImageMemory:
         position: NDArray[np.float64] = self._positions[frame]
         return position
 
-    def distances(
-        self, frame: int, frames: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-        """Compare an image with others.
+    def compare(self, frame: int, frames: NDArray[np.int64]) -> Distances:
+        """Compare an image with others, shape (m,)."""
+        return self._store.compare(frame, frames)
 
-        Returns
-        -------
-        Position distances, shift-invariant orientation distances and the shifts that align, each shape (m,).
-        """
-        position = np.linalg.norm(self._positions[frames] - self._positions[frame], axis=1)
-        orientation, shifts = self._orientations.compare(frame, frames)
-        return position, orientation, shifts
+    def anticipate(self, frames: Iterable[int], *, later: bool = False) -> None:
+        """Compare some images with all others ahead of time; see `DescriptionStore.anticipate`."""
+        self._store.anticipate(frames, later=later)
 
     def _checked(self, description: Description) -> NDArray[np.float64]:
         position, orientation = description.position, description.orientation

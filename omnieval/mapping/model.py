@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.mapping.config import Covariance
+from omnieval.mapping.moments import Moments
 
 VARIANCE_FLOOR = 1e-12
 """Keeps identical images (no variance at all) from dividing by zero."""
@@ -79,15 +80,18 @@ def fit_model(points: NDArray[np.float64], covariance: Covariance) -> NodeModel:
         variance on the diagonal. `pinv`: Moore-Penrose inverse; ignores all outside the fitted subspace.
         `identity`: Euclidean.
     """
-    mean = points.mean(axis=0)
-    dimensions = points.shape[1]
+    if covariance in {"diagonal", "identity"}:
+        return diagonal_model(Moments.of(points), covariance)
+    return _fit_spectral(points, points.mean(axis=0), covariance)
+
+
+def diagonal_model(moments: Moments, covariance: Covariance) -> DiagonalModel:
+    """Return the model of points whose moments are known; `covariance` is ``diagonal`` or ``identity``."""
     if covariance == "identity":
-        return DiagonalModel(mean, np.ones(dimensions))
-    if covariance == "diagonal":
-        variances = points.var(axis=0, ddof=1)
-        floor = max(1e-3 * float(variances.mean()), VARIANCE_FLOOR)
-        return DiagonalModel(mean, 1.0 / np.maximum(variances, floor))
-    return _fit_spectral(points, mean, covariance)
+        return DiagonalModel(moments.mean, np.ones(len(moments.mean)))
+    variances = moments.variances
+    floor = max(1e-3 * float(variances.mean()), VARIANCE_FLOOR)
+    return DiagonalModel(moments.mean, 1.0 / np.maximum(variances, floor))
 
 
 def _fit_spectral(points: NDArray[np.float64], mean: NDArray[np.float64], covariance: Covariance) -> SpectralModel:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.mapping.config import MapperConfig, Split
-from omnieval.mapping.model import NodeModel, fit_model
+from omnieval.mapping.model import NodeModel, diagonal_model, fit_model
+from omnieval.mapping.moments import Moments
 from omnieval.seeding import named_generator
 
 
@@ -26,7 +29,7 @@ class GateStatistics:
 
 @dataclass(frozen=True)
 class Node:
-    """A place: some images of the map, immutable; it grows by being fitted again.
+    """A place: some images of the map, immutable; it grows by being replaced.
 
     Attributes
     ----------
@@ -40,6 +43,10 @@ class Node:
         Statistics of the held-out images.
     representative
         Mean position descriptor over all its images, shape (d,), float64.
+    squared_radii
+        Squared distances of its images from the representative, shape (n,), float64.
+    moments
+        Of the fit set, where the model can be kept up with them; else None.
     """
 
     id: int
@@ -47,6 +54,8 @@ class Node:
     model: NodeModel
     gate: GateStatistics
     representative: NDArray[np.float64]
+    squared_radii: NDArray[np.float64]
+    moments: Moments | None
 
     def ratio(self, position: NDArray[np.float64]) -> float:
         """Return the signed gate ratio (Delta - mu_ns) / sigma_ns of a position descriptor, shape (d,)."""
@@ -77,24 +86,110 @@ def fit_node(
         Statistics to keep instead of fitting them (`gate_refit` = creation).
     """
     fit, held_out = split_images(len(frames), config.split, seed=config.seed, node_id=node_id)
-    model = fit_model(positions[fit], config.covariance)
-    if gate is None:
-        gate = _gate_statistics(model.delta(positions[held_out]))
-    return Node(node_id, frames, model, gate, positions.mean(axis=0))
+    moments = Moments.of(positions[fit]) if _keeps_up(config) else None
+    model = diagonal_model(moments, config.covariance) if moments else fit_model(positions[fit], config.covariance)
+    representative = positions.mean(axis=0)
+    return Node(
+        node_id,
+        frames,
+        model,
+        gate or _gate_statistics(model.delta(positions[held_out])),
+        representative,
+        np.square(positions - representative).sum(axis=1),
+        moments,
+    )
+
+
+def grow_node(
+    node: Node,
+    frame: int,
+    positions: Callable[[NDArray[np.int64]], NDArray[np.float64]],
+    config: MapperConfig,
+    *,
+    squared_distances: NDArray[np.float64] | None = None,
+) -> Node:
+    """Return the node with one image more, the newest; what `fit_node` makes of its images, without starting anew.
+
+    Parameters
+    ----------
+    node
+        A node fitted with the same configuration.
+    frame
+        Number of the image.
+    positions
+        Gives the position descriptors of images, shape (m, d), by their numbers, shape (m,).
+    config
+        `covariance`, `split`, `seed` and `gate_refit` are read.
+    squared_distances
+        Squared distances of the image's position descriptor from those of the node's images, shape (n,), if known.
+    """
+    kept = node.gate if config.gate_refit == "creation" else None
+    frames = np.append(node.frames, frame)
+    if node.moments is None or squared_distances is None:
+        return fit_node(node.id, frames, positions(frames), config, gate=kept)
+    # Fit sets only grow at their end when the split is not random.
+    fit, held_out = split_images(len(frames), config.split, seed=config.seed, node_id=node.id)
+    if len(fit) > node.moments.count:
+        moments = node.moments.add(positions(frames[fit[node.moments.count :]]))
+        model: NodeModel = diagonal_model(moments, config.covariance)
+    else:
+        moments, model = node.moments, node.model
+    deviation = positions(frames[-1:])[0] - node.representative
+    return Node(
+        node.id,
+        frames,
+        model,
+        kept or _gate_statistics(model.delta(positions(frames[held_out]))),
+        node.representative + deviation / len(frames),
+        _grown_radii(node.squared_radii, squared_distances, float(deviation @ deviation)),
+        moments,
+    )
+
+
+def _keeps_up(config: MapperConfig) -> bool:
+    """Whether the model of a grown node follows from that of the node."""
+    return config.covariance in {"diagonal", "identity"} and config.split != "random"
+
+
+def _grown_radii(radii: NDArray[np.float64], distances: NDArray[np.float64], deviation: float) -> NDArray[np.float64]:
+    """Return squared distances from the mean of n + 1 points.
+
+    ||p_j - mean||^2 is the mean squared distance of p_j from all points less half the mean over all pairs. The sums
+    over the n old points follow from their own squared radii.
+
+    Parameters
+    ----------
+    radii
+        Squared distances of the n old points from their mean, shape (n,).
+    distances
+        Squared distances of the new point from the old ones, shape (n,).
+    deviation
+        Squared distance of the new point from the old points' mean.
+    """
+    count = len(radii)
+    total = float(radii.sum())
+    grown = np.empty(count + 1)
+    grown[:-1] = (count * radii + total + distances) / (count + 1)
+    grown[:-1] -= (count * total + float(distances.sum())) / (count + 1) ** 2
+    grown[-1] = deviation * (count / (count + 1)) ** 2
+    return np.maximum(grown, 0.0)
 
 
 def split_images(count: int, split: Split, *, seed: int, node_id: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the indices of the fit set (80 %) and of the held-out set (20 %) of `count` images, both ascending."""
     order = np.arange(count)
     fitted = (4 * count) // 5
+    if split == "chronological":
+        return order[:fitted], order[fitted:]
     if split == "interleaved":
         held_out = order % 5 == 4
         return order[~held_out], order[held_out]
-    if split == "random":
-        order = named_generator(seed, "split", node_id, count).permutation(count)
+    order = named_generator(seed, "split", node_id, count).permutation(count)
     return np.sort(order[:fitted]), np.sort(order[fitted:])
 
 
 def _gate_statistics(deltas: NDArray[np.float64]) -> GateStatistics:
     mean = float(deltas.mean())
-    return GateStatistics(mean, max(float(deltas.std(ddof=1)), 1e-9 * max(mean, 1.0)))
+    deviations = deltas - mean
+    std = math.sqrt(float(deviations @ deviations) / (len(deltas) - 1))
+    return GateStatistics(mean, max(std, 1e-9 * max(mean, 1.0)))

@@ -6,6 +6,7 @@ the order in which the mapper saw them, nodes from 1 in the order of their creat
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -160,6 +161,58 @@ class Margin:
     gate: str
 
 
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Values that were compared with a threshold, as far as they bound it.
+
+    Attributes
+    ----------
+    gate
+        What they were compared for, as `Margin.gate`; or ``run``, the length of a run against `n_new`, which has
+        no margin.
+    threshold
+        What they were compared with.
+    below, above
+        The greatest value on its low side and the least on its high side, infinite where there is none. A value that
+        equals the threshold is on its low side, unless it has to reach it.
+    parameter
+        The parameter the threshold comes from; None if it comes from none.
+    floor
+        What the threshold is at least, whatever the parameter.
+    reaches
+        Whether values have to reach the threshold, rather than stay at or below it.
+    """
+
+    gate: str
+    threshold: float
+    below: float
+    above: float
+    parameter: str | None = None
+    floor: float = -math.inf
+    reaches: bool = False
+
+    def margin_at(self, threshold: float) -> float:
+        """Return how far the nearest value is from a threshold, relative to it."""
+        return min(threshold - self.below, self.above - threshold) / (abs(threshold) or 1.0)
+
+    def threshold_at(self, value: float) -> float:
+        """Return the threshold when the parameter has another value."""
+        return max(value, self.floor)
+
+    def same_at(self, value: float) -> bool:
+        """Whether every value would be on the same side if the parameter had another value."""
+        threshold = self.threshold_at(value)
+        return self.below < threshold <= self.above if self.reaches else self.below <= threshold < self.above
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The parameter values at which every value is on the same side, from the first up to below the second."""
+        low, high = self.below, self.above
+        if self.reaches:
+            low, high = float(np.nextafter(low, np.inf)), float(np.nextafter(high, np.inf))
+        return (-math.inf if low <= self.floor else low), high
+
+
 @dataclass(frozen=True)
 class Step:
     """Everything that was computed to decide about one image, and the decision.
@@ -186,6 +239,8 @@ class Step:
         Number of active and pending nodes after the step.
     margin
         The step's margin; None when nothing was compared.
+    comparisons
+        What was compared on the way to the decision, in order; empty when it is not known.
     """
 
     frame: int
@@ -199,6 +254,7 @@ class Step:
     active: int
     pending: int
     margin: Margin | None
+    comparisons: tuple[Comparison, ...] = ()
 
 
 class Placement(StrEnum):
