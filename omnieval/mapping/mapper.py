@@ -113,23 +113,41 @@ class Mapper:
             node, run = self._refuse(frame, verdict, journal)
         return self._report(frame, verdict, node, run, journal, examination)
 
-    def finish(self) -> FinalMap:
+    def finish(self, placed: Mapping[int, tuple[int, Placement]] | None = None) -> FinalMap:
         """Return the partition of all images so far; leftovers of broken runs are placed as configured.
 
         The map itself stays as it is: `step` may go on afterwards.
+
+        Parameters
+        ----------
+        placed
+            Where the leftovers end, if `place` was asked already.
 
         Raises
         ------
         ConfigError
             If there were fewer images than the first node needs.
         """
-        count = len(self._placements)
-        if count < self.config.n_init:
+        placements = list(self._placements)
+        if len(placements) < self.config.n_init:
             raise ConfigError(
-                f"the first node needs n_init = {self.config.n_init} images but there are only {count}; "
+                f"the first node needs n_init = {self.config.n_init} images but there are only {len(placements)}; "
                 "lower n_init or give a longer sequence"
             )
-        return self.final_map({frame: self.place(frame, Journal()) for frame in self.leftovers})
+        labels = np.zeros(len(placements), np.int64)
+        for node in self._nodes.values():
+            labels[node.frames] = node.id
+        if placed is None:
+            placed = {frame: self.place(frame, Journal()) for frame in self.leftovers}
+        for frame, (label, placement) in placed.items():
+            labels[frame], placements[frame] = label, placement
+        return FinalMap(
+            labels=labels,
+            placements=tuple(placements),
+            nodes=tuple(self._nodes),
+            active=frozenset(self._active.ids.tolist()),
+            representatives=np.stack([node.representative for node in self._nodes.values()]),
+        )
 
     @property
     def leftovers(self) -> list[int]:
@@ -147,22 +165,6 @@ class Mapper:
         if pending is not None:
             return pending, Placement.RETEST
         return self._match(frame, self._nodes).node, Placement.FORCED
-
-    def final_map(self, placed: Mapping[int, tuple[int, Placement]]) -> FinalMap:
-        """Return the partition of all images so far, with the leftovers where they were placed."""
-        labels = np.zeros(len(self._placements), np.int64)
-        placements = list(self._placements)
-        for node in self._nodes.values():
-            labels[node.frames] = node.id
-        for frame, (label, placement) in placed.items():
-            labels[frame], placements[frame] = label, placement
-        return FinalMap(
-            labels=labels,
-            placements=tuple(placements),
-            nodes=tuple(self._nodes),
-            active=frozenset(self._active.ids.tolist()),
-            representatives=np.stack([node.representative for node in self._nodes.values()]),
-        )
 
     # -- looking at an image; nothing here changes the map ------------------------------------------------
 

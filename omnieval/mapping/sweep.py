@@ -1,0 +1,288 @@
+"""Many configurations at once, in one tree: what they have in common is computed once.
+
+Two configurations map alike until a comparison comes out differently. So all of them begin as one mapper; where the
+comparisons of a step tell that some would have gone another way, these go on with a mapper of their own. Every
+configuration gets, to the bit, what a mapper of its own would have given it.
+
+The same tree finds every value of a parameter at which the map changes, over a whole interval.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Generic, Protocol, Self, TypeVar
+
+from omnieval.descriptors.description import Description
+from omnieval.mapping.conditions import gate_threshold
+from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.journal import Journal, smallest_margin
+from omnieval.mapping.mapper import Mapper
+from omnieval.mapping.memory import ImageMemory
+from omnieval.mapping.step import Comparison, FinalMap, Placement, Step
+
+SHARED = ("omega", "merge_y", "gamma", "n_new")
+"""Parameters that configurations of one tree may differ in; what else differs takes another tree."""
+
+_AHEAD = 32
+"""Images compared with the earlier ones at once, which reads each of these once for all."""
+
+
+class Region(Protocol):
+    """Some configurations, that have all gone the same way so far."""
+
+    @property
+    def count(self) -> int:
+        """How many they are, for dividing costs; an interval counts as one."""
+        ...
+
+    @property
+    def representative(self) -> MapperConfig:
+        """One of them."""
+        ...
+
+    def split(self, comparisons: Sequence[Comparison]) -> tuple[Self, list[Self]]:
+        """Return those for which all comparisons come out as for the representative, and the others."""
+        ...
+
+
+R = TypeVar("R", bound=Region)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Configurations one by one, not empty."""
+
+    configs: tuple[MapperConfig, ...]
+
+    @property
+    def count(self) -> int:
+        """See `Region`."""
+        return len(self.configs)
+
+    @property
+    def representative(self) -> MapperConfig:
+        """See `Region`."""
+        return self.configs[0]
+
+    def split(self, comparisons: Sequence[Comparison]) -> tuple[Points, list[Points]]:
+        """See `Region`."""
+        if len(self.configs) == 1:
+            return self, []
+        alike = tuple(config for config in self.configs if _same(comparisons, config))
+        others = tuple(config for config in self.configs if not _same(comparisons, config))
+        return Points(alike), [Points(others)] if others else []
+
+
+@dataclass(frozen=True)
+class Interval:
+    """All values of one parameter from `low` up to below `high`, the other parameters as in `base`."""
+
+    base: MapperConfig
+    parameter: str
+    low: float
+    high: float
+
+    @property
+    def count(self) -> int:
+        """See `Region`."""
+        return 1
+
+    @property
+    def representative(self) -> MapperConfig:
+        """See `Region`."""
+        return self.base.model_copy(update={self.parameter: self.low})
+
+    def split(self, comparisons: Sequence[Comparison]) -> tuple[Interval, list[Interval]]:
+        """See `Region`."""
+        low, high = self.low, self.high
+        for one in comparisons:
+            if one.parameter == self.parameter:
+                first, beyond = one.span
+                low, high = max(low, first), min(high, beyond)
+        others = [(self.low, low), (high, self.high)]
+        rest = [dataclasses.replace(self, low=first, high=beyond) for first, beyond in others if first < beyond]
+        return dataclasses.replace(self, low=low, high=high), rest
+
+
+@dataclass
+class Branch(Generic[R]):
+    """Configurations that have gone the same way so far.
+
+    Attributes
+    ----------
+    region
+        The configurations.
+    mapper
+        Theirs.
+    seconds
+        What each of them has cost: the time of a step is divided among those who took it.
+    """
+
+    region: R
+    mapper: Mapper
+    seconds: float = 0.0
+
+
+class Sweep(Generic[R]):
+    """Maps a sequence with many configurations.
+
+    Parameters
+    ----------
+    regions
+        The configurations, not empty; within a region they differ in `SHARED` only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(0)
+    >>> images = [Description(rng.random(4, np.float32), rng.random((8, 2), np.float32)) for _ in range(30)]
+    >>> sweep = Sweep([Points(tuple(MapperConfig(n_init=10, n_new=10, omega=omega) for omega in (1.7, 2.3)))])
+    >>> sum(len(points.configs) for points, step in list(sweep.steps(images))[-1])
+    2
+    """
+
+    def __init__(self, regions: Iterable[R]) -> None:
+        self._images = ImageMemory()
+        self._branches = [Branch(region, Mapper(region.representative, self._images)) for region in regions]
+
+    def steps(self, descriptions: Iterable[Description]) -> Iterator[list[tuple[R, Step]]]:
+        """Decide about image after image; yield for each the distinct steps and who took them.
+
+        Raises
+        ------
+        ConfigError
+            If a description's arrays are not finite or not shaped like the earlier ones.
+        """
+        for block in _blocks(map(self._images.append, descriptions)):
+            started = time.perf_counter()
+            self._images.anticipate(block)
+            self._charge(time.perf_counter() - started)
+            for frame in block:
+                yield self._decide(frame)
+
+    def finish(self) -> list[Outcome[R]]:
+        """Return the final maps and whose they are.
+
+        Raises
+        ------
+        ConfigError
+            If there were fewer images than the first node needs.
+        """
+        leftovers = [set(branch.mapper.leftovers) for branch in self._branches]
+        placings = [[_Placing(branch.region, branch.seconds)] for branch in self._branches]
+        for block in _blocks(sorted(set().union(*leftovers))):
+            self._images.anticipate(block, later=True)
+            for number, branch in enumerate(self._branches):
+                for frame in block:
+                    if frame in leftovers[number]:
+                        placings[number] = _place(branch.mapper, frame, placings[number])
+        return [
+            Outcome(placing.region, branch.mapper.finish(placing.placed), placing.seconds)
+            for branch, ways in zip(self._branches, placings, strict=True)
+            for placing in ways
+        ]
+
+    def _decide(self, frame: int) -> list[tuple[R, Step]]:
+        """Decide about an image in every branch, which may grow more branches."""
+        branches: list[Branch[R]] = []
+        steps: list[tuple[R, Step]] = []
+        for branch in self._branches:
+            for grown, step in _decide(branch, frame):
+                branches.append(grown)
+                steps.append((grown.region, step))
+        self._branches = branches
+        return steps
+
+    def _charge(self, seconds: float) -> None:
+        """Divide the cost of what serves all among all."""
+        share = seconds / sum(branch.region.count for branch in self._branches)
+        for branch in self._branches:
+            branch.seconds += share
+
+
+@dataclass(frozen=True)
+class Outcome(Generic[R]):
+    """What a sequence ended in.
+
+    Attributes
+    ----------
+    region
+        For whom.
+    final
+        The partition.
+    seconds
+        What it cost each of them.
+    """
+
+    region: R
+    final: FinalMap
+    seconds: float
+
+
+def seen_by(step: Step, config: MapperConfig) -> Step:
+    """Return the step of a sweep as a mapper of one of those who took it reports it: with its own thresholds."""
+    gate = step.gate
+    if gate is not None:
+        gate = dataclasses.replace(gate, x=gate_threshold(config.omega, len(gate.nodes)))
+    return dataclasses.replace(step, gate=gate, margin=smallest_margin(step.comparisons, config))
+
+
+def _decide(branch: Branch[R], frame: int) -> Iterator[tuple[Branch[R], Step]]:
+    """Decide about an image; yield every way that is taken."""
+    waiting = [branch.region]
+    while waiting:
+        started = time.perf_counter()
+        region = waiting.pop()
+        lonely = isinstance(region, Points) and region.count == 1 and region is branch.region
+        mapper = branch.mapper if lonely else branch.mapper.fork(region.representative)
+        step = mapper.decide(frame)
+        alike, others = region.split(step.comparisons)
+        waiting += others
+        yield Branch(alike, mapper, branch.seconds + (time.perf_counter() - started) / alike.count), step
+
+
+@dataclass
+class _Placing(Generic[R]):
+    """Where the leftovers of some configurations end."""
+
+    region: R
+    seconds: float
+    placed: dict[int, tuple[int, Placement]] = field(default_factory=dict)
+
+
+def _place(mapper: Mapper, frame: int, placings: list[_Placing[R]]) -> list[_Placing[R]]:
+    """Place a leftover for all configurations of a branch, which may part over it."""
+    known: list[tuple[list[Comparison], tuple[int, Placement]]] = []
+    parted: list[_Placing[R]] = []
+    for placing in placings:
+        waiting = [placing.region]
+        while waiting:
+            started = time.perf_counter()
+            region = waiting.pop()
+            config = region.representative
+            found = next((one for one in known if _same(one[0], config)), None)
+            if found is None:
+                journal = Journal()
+                found = journal.comparisons, mapper.fork(config).place(frame, journal)
+                known.append(found)
+            alike, others = region.split(found[0])
+            waiting += others
+            seconds = placing.seconds + (time.perf_counter() - started) / alike.count
+            parted.append(_Placing(alike, seconds, placing.placed | {frame: found[1]}))
+    return parted
+
+
+def _same(comparisons: Iterable[Comparison], config: MapperConfig) -> bool:
+    """Whether all comparisons come out the same for another configuration."""
+    return all(one.same_at(getattr(config, one.parameter)) for one in comparisons if one.parameter is not None)
+
+
+def _blocks(numbers: Iterable[int]) -> Iterator[list[int]]:
+    """Yield numbers in blocks of `_AHEAD`."""
+    iterator = iter(numbers)
+    while block := list(islice(iterator, _AHEAD)):
+        yield block

@@ -1,0 +1,166 @@
+"""A sweep gives every configuration what a mapper of its own gives it, to the bit, and misses no change."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omnieval.descriptors.description import Description
+from omnieval.errors import ConfigError
+from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.mapper import Mapper
+from omnieval.mapping.step import Comparison, FinalMap, Step
+from omnieval.mapping.sweep import SHARED, Interval, Outcome, Points, Sweep, seen_by
+from tests.mapping.test_properties import configs, worlds
+from tests.mapping.test_relations import decision, evidence
+from tests.mapping.worlds import World
+
+WORLDS = (
+    World(seed=1, visits=6),
+    World(seed=2, visits=6, spread=0.8, noise=0.005),
+    World(seed=3, visits=6, twins=True, noise=0.05),
+)
+GRID = {"omega": (1.5, 4.0), "merge_y": (0.0, 1.5, 8.0), "gamma": (1.5, 2.5), "n_new": (10, 13)}
+
+
+def grid(base: MapperConfig) -> tuple[MapperConfig, ...]:
+    points = itertools.product(*GRID.values())
+    return tuple(base.model_copy(update=dict(zip(GRID, point, strict=True))) for point in points)
+
+
+def alone(config: MapperConfig, descriptions: Sequence[Description]) -> tuple[list[Step], FinalMap]:
+    mapper = Mapper(config)
+    return [mapper.step(description) for description in descriptions], mapper.finish()
+
+
+def plain(final: FinalMap) -> dict[str, Any]:
+    """A final map, comparable with ==."""
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in dataclasses.asdict(final).items()}
+
+
+def swept(
+    points: Sequence[MapperConfig], descriptions: Sequence[Description]
+) -> dict[MapperConfig, tuple[list[Step], FinalMap]]:
+    """What a sweep gives every configuration."""
+    sweep = Sweep([Points(tuple(points))])
+    steps: dict[MapperConfig, list[Step]] = {config: [] for config in points}
+    for taken in sweep.steps(descriptions):
+        for region, step in taken:
+            for config in region.configs:
+                steps[config].append(seen_by(step, config))
+    finals = {config: outcome.final for outcome in sweep.finish() for config in outcome.region.configs}
+    return {config: (steps[config], finals[config]) for config in points}
+
+
+def assert_alike(found: tuple[list[Step], FinalMap], expected: tuple[list[Step], FinalMap]) -> None:
+    for one, other in zip(found[0], expected[0], strict=True):
+        assert evidence(one) == evidence(other)
+    assert plain(found[1]) == plain(expected[1])
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_every_configuration_of_a_grid_gets_what_it_would_get_alone(world: World) -> None:
+    descriptions = world.describe()
+    points = grid(MapperConfig(n_init=15))
+    found = swept(points, descriptions)
+    for config in points:
+        assert_alike(found[config], alone(config, descriptions))
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(world=worlds, base=configs, others=st.lists(configs, min_size=1, max_size=3))
+def test_so_does_every_configuration_under_every_option(
+    world: World, base: MapperConfig, others: list[MapperConfig]
+) -> None:
+    descriptions = world.describe()
+    if len(descriptions) < base.n_init:
+        with pytest.raises(ConfigError, match="the first node needs"):
+            swept([base], descriptions)
+        return
+    shared = [{name: getattr(other, name) for name in SHARED} for other in others]
+    points = {base, *(base.model_copy(update=values) for values in shared)}
+    found = swept(sorted(points, key=repr), descriptions)
+    for config in points:
+        assert_alike(found[config], alone(config, descriptions))
+
+
+def test_what_is_shared_is_computed_once() -> None:
+    descriptions = WORLDS[0].describe()
+    points = grid(MapperConfig(n_init=15))
+    distinct = [len(taken) for taken in Sweep([Points(points)]).steps(descriptions)]
+    assert distinct[0] == 1
+    assert sorted(distinct) == distinct, "a branch never joins another"
+    assert 1 < distinct[-1] <= len(points)
+
+
+def test_every_image_is_taken_once_by_everybody() -> None:
+    points = grid(MapperConfig(n_init=15))
+    for taken in Sweep([Points(points)]).steps(WORLDS[1].describe()):
+        found = [config for region, _ in taken for config in region.configs]
+        assert sorted(found, key=repr) == sorted(points, key=repr)
+
+
+def test_costs_are_divided_among_those_who_share_them() -> None:
+    points = grid(MapperConfig(n_init=15))
+    sweep = Sweep([Points(points)])
+    list(sweep.steps(WORLDS[0].describe()))
+    assert all(outcome.seconds > 0 for outcome in sweep.finish())
+
+
+def exact(parameter: str, low: float, high: float, descriptions: Sequence[Description]) -> list[Outcome[Interval]]:
+    sweep = Sweep([Interval(MapperConfig(n_init=15, n_new=10, gamma=2.0), parameter, low, high)])
+    list(sweep.steps(descriptions))
+    return sorted(sweep.finish(), key=lambda outcome: outcome.region.low)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize(("parameter", "low", "high"), [("merge_y", 0.0, 12.0), ("omega", 1.0, 5.0), ("gamma", 1, 4)])
+def test_the_pieces_of_an_interval_are_whole_and_right(world: World, parameter: str, low: float, high: float) -> None:
+    descriptions = world.describe()
+    pieces = exact(parameter, low, high, descriptions)
+    borders = [piece.region.low for piece in pieces] + [pieces[-1].region.high]
+    assert (borders[0], borders[-1]) == (low, high)
+    assert [piece.region.high for piece in pieces] == borders[1:], "without a gap"
+    rng = np.random.default_rng(0)
+    for piece in [pieces[i] for i in rng.permutation(len(pieces))[:3]]:
+        last = float(np.nextafter(piece.region.high, -np.inf))
+        for value in (piece.region.low, rng.uniform(piece.region.low, last), last):
+            config = piece.region.base.model_copy(update={parameter: float(value)})
+            assert plain(alone(config, descriptions)[1]) == plain(piece.final), (parameter, value)
+
+
+@pytest.mark.parametrize(("parameter", "low", "high"), [("merge_y", 0.0, 20.0), ("omega", 1.0, 3.0), ("gamma", 1, 2)])
+def test_pieces_part_where_something_is_decided_otherwise(parameter: str, low: float, high: float) -> None:
+    """Left and right of a border a step differs, or at least a leftover was tested with another outcome."""
+    descriptions = WORLDS[0].describe()
+    pieces = exact(parameter, low, high, descriptions)
+    assert len(pieces) > 1
+    differing = 0
+    for left, right in itertools.pairwise(pieces[:8]):
+        runs = [alone(region.representative, descriptions) for region in (left.region, right.region)]
+        one, other = ([decision(step) for step in steps] for steps, _ in runs)
+        differing += one != other
+    assert differing > 0
+
+
+def test_a_comparison_knows_for_which_values_it_comes_out_the_same() -> None:
+    below = Comparison("node", 2.0, 1.5, 3.0, "omega", floor=-np.inf)
+    assert below.span == (1.5, 3.0)
+    assert [below.same_at(value) for value in (1.4, 1.5, 2.9, 3.0)] == [False, True, True, False]
+    floored = dataclasses.replace(below, floor=1.75)
+    assert floored.span == (-np.inf, 3.0)
+    assert floored.same_at(0.1)
+    reaching = Comparison("prominence", 2.0, 1.5, 3.0, "gamma", reaches=True)
+    assert [reaching.same_at(value) for value in (1.5, 1.6, 3.0, 3.1)] == [False, True, True, False]
+    first, beyond = reaching.span
+    assert reaching.same_at(first)
+    assert not reaching.same_at(np.nextafter(first, 0))
+    assert not reaching.same_at(beyond)
+    assert reaching.same_at(np.nextafter(beyond, 0))
