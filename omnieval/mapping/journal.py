@@ -25,6 +25,7 @@ class Journal:
         *,
         parameter: str | None = None,
         floor: float = -np.inf,
+        between: tuple[float, float] | None = None,
     ) -> None:
         """Note that values were compared with a threshold: at most the threshold, or more.
 
@@ -38,21 +39,21 @@ class Journal:
             With what.
         parameter, floor
             The parameter the threshold comes from, if it does, and what it is at least.
+        between
+            Between which thresholds the decision is the same; None if it takes every value to be on the same side.
         """
-        below, above = -np.inf, np.inf
-        for value in values:
-            if value <= threshold:
-                below = max(below, value)
-            else:
-                above = min(above, value)
-        if values:
-            self.comparisons.append(Comparison(gate, threshold, below, above, parameter, floor))
+        if not values:
+            return
+        low, high = between or (
+            max((value for value in values if value <= threshold), default=-np.inf),
+            min((value for value in values if value > threshold), default=np.inf),
+        )
+        self.comparisons.append(Comparison(gate, tuple(values), threshold, low, high, parameter, floor))
 
     def reach(self, gate: str, value: float, threshold: float, *, parameter: str | None = None) -> None:
         """Note that a value was compared with a threshold: at least the threshold, or less."""
-        reached = value >= threshold
-        below, above = (-np.inf, value) if reached else (value, np.inf)
-        self.comparisons.append(Comparison(gate, threshold, below, above, parameter, reaches=True))
+        low, high = (-np.inf, value) if value >= threshold else (value, np.inf)
+        self.comparisons.append(Comparison(gate, (value,), threshold, low, high, parameter, reaches=True))
 
     def compare_best(self, match: Match, sizes: Sequence[int]) -> None:
         """Note how much more similar the best image is than the best one of any other candidate node.
@@ -63,7 +64,7 @@ class Journal:
             return
         starts = np.cumsum([0, *sizes[:-1]])
         second, best = np.sort(np.maximum.reduceat(match.similarity, starts))[-2:].tolist()
-        self.comparisons.append(Comparison("match", best, second, np.inf))
+        self.comparisons.append(Comparison("match", (second,), best, second, np.inf))
 
 
 def smallest_margin(comparisons: Iterable[Comparison], config: MapperConfig) -> Margin | None:

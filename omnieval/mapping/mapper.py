@@ -211,9 +211,10 @@ class Mapper:
         """Return the nearest pending node whose gate lets the image in."""
         position, active = self._images.position(frame), self._active.ids.tolist()
         ratios = {node.id: node.ratio(position) for node in self._nodes.values() if node.id not in active}
-        tested = _tested(ratios, self.config.node_gate)
-        journal.compare("pending", list(tested.values()), x, parameter="omega", floor=gate_floor(len(active)))
-        return _nearest(ratios, tested, x)
+        nearest = _Nearest(ratios, self.config.node_gate, x)
+        floor = gate_floor(len(active))
+        journal.compare("pending", nearest.tested, x, parameter="omega", floor=floor, between=nearest.between)
+        return nearest.node
 
     # -- changing the map ---------------------------------------------------------------------------------
 
@@ -294,9 +295,9 @@ class Mapper:
         """Return the active node that absorbs this one (Eq. 11)."""
         representative, y = self._nodes[node].representative, self.config.merge_y
         ratios = {other.id: other.ratio(representative) for other in self._others(node)}
-        tested = _tested(ratios, self.config.merge_gate)
-        journal.compare("merge", list(tested.values()), y, parameter="merge_y")
-        return _nearest(ratios, tested, y)
+        nearest = _Nearest(ratios, self.config.merge_gate, y)
+        journal.compare("merge", nearest.tested, y, parameter="merge_y", between=nearest.between)
+        return nearest.node
 
     def _stands_apart(self, node: int, journal: Journal) -> bool:
         """Activation: at least as far from the active nodes as these are from each other (section 4.5)."""
@@ -350,11 +351,27 @@ class _Examination:
         return self.match.node
 
 
-def _tested(ratios: dict[int, float], gate: Gate) -> dict[int, float]:
-    """Return what a gate compares, by ascending node."""
-    return {node: abs(ratio) if gate == "two-sided" else ratio for node, ratio in sorted(ratios.items())}
+class _Nearest:
+    """The node with the smallest signed ratio among those a gate lets in; ties go to the lower id.
 
+    Attributes
+    ----------
+    tested
+        What was compared with the threshold, by ascending node.
+    node
+        The nearest node; None when none is let in.
+    between
+        Between which thresholds it is this node.
+    """
 
-def _nearest(ratios: dict[int, float], tested: dict[int, float], threshold: float) -> int | None:
-    """Return the node with the smallest signed ratio among those let in; ties go to the lower id."""
-    return min((node for node in tested if tested[node] <= threshold), key=ratios.__getitem__, default=None)
+    def __init__(self, ratios: Mapping[int, float], gate: Gate, threshold: float) -> None:
+        nodes = sorted(ratios)
+        compared = {node: abs(ratios[node]) if gate == "two-sided" else ratios[node] for node in nodes}
+        self.tested = list(compared.values())
+        self.node = min((node for node in nodes if compared[node] <= threshold), key=ratios.__getitem__, default=None)
+        low, bar = -np.inf, np.inf
+        if self.node is not None:
+            low, bar = compared[self.node], ratios[self.node]
+        # A node that is let in later matters only if it is nearer.
+        refused = (compared[node] for node in nodes if compared[node] > threshold and ratios[node] <= bar)
+        self.between = low, min(refused, default=np.inf)

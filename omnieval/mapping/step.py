@@ -163,18 +163,20 @@ class Margin:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Values that were compared with a threshold, as far as they bound it.
+    """Values that were compared with a threshold.
 
     Attributes
     ----------
     gate
         What they were compared for, as `Margin.gate`; or ``run``, the length of a run against `n_new`, which has
         no margin.
+    values
+        What was compared, at least one.
     threshold
-        What they were compared with.
-    below, above
-        The greatest value on its low side and the least on its high side, infinite where there is none. A value that
-        equals the threshold is on its low side, unless it has to reach it.
+        With what.
+    low, high
+        Between which thresholds the decision is the same. A threshold that equals `low` is within and one that equals
+        `high` is not; the other way round where values have to reach the threshold.
     parameter
         The parameter the threshold comes from; None if it comes from none.
     floor
@@ -184,30 +186,31 @@ class Comparison:
     """
 
     gate: str
+    values: tuple[float, ...]
     threshold: float
-    below: float
-    above: float
+    low: float
+    high: float
     parameter: str | None = None
     floor: float = -math.inf
     reaches: bool = False
 
     def margin_at(self, threshold: float) -> float:
         """Return how far the nearest value is from a threshold, relative to it."""
-        return min(threshold - self.below, self.above - threshold) / (abs(threshold) or 1.0)
+        return min([abs(value - threshold) for value in self.values]) / (abs(threshold) or 1.0)
 
     def threshold_at(self, value: float) -> float:
         """Return the threshold when the parameter has another value."""
         return max(value, self.floor)
 
     def same_at(self, value: float) -> bool:
-        """Whether every value would be on the same side if the parameter had another value."""
+        """Whether the decision would be the same if the parameter had another value."""
         threshold = self.threshold_at(value)
-        return self.below < threshold <= self.above if self.reaches else self.below <= threshold < self.above
+        return self.low < threshold <= self.high if self.reaches else self.low <= threshold < self.high
 
     @property
     def span(self) -> tuple[float, float]:
-        """The parameter values at which every value is on the same side, from the first up to below the second."""
-        low, high = self.below, self.above
+        """The parameter values at which the decision is the same, from the first up to below the second."""
+        low, high = self.low, self.high
         if self.reaches:
             low, high = float(np.nextafter(low, np.inf)), float(np.nextafter(high, np.inf))
         return (-math.inf if low <= self.floor else low), high

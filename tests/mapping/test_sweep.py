@@ -151,13 +151,13 @@ def test_pieces_part_where_something_is_decided_otherwise(parameter: str, low: f
 
 
 def test_a_comparison_knows_for_which_values_it_comes_out_the_same() -> None:
-    below = Comparison("node", 2.0, 1.5, 3.0, "omega", floor=-np.inf)
+    below = Comparison("node", (1.5, 3.0), 2.0, 1.5, 3.0, "omega")
     assert below.span == (1.5, 3.0)
     assert [below.same_at(value) for value in (1.4, 1.5, 2.9, 3.0)] == [False, True, True, False]
     floored = dataclasses.replace(below, floor=1.75)
     assert floored.span == (-np.inf, 3.0)
     assert floored.same_at(0.1)
-    reaching = Comparison("prominence", 2.0, 1.5, 3.0, "gamma", reaches=True)
+    reaching = Comparison("prominence", (3.0,), 2.0, 1.5, 3.0, "gamma", reaches=True)
     assert [reaching.same_at(value) for value in (1.5, 1.6, 3.0, 3.1)] == [False, True, True, False]
     first, beyond = reaching.span
     assert reaching.same_at(first)
