@@ -10,7 +10,7 @@ with corr the sum over bins of the circular cross-correlation along the cells.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -55,12 +55,20 @@ class DescriptionStore:
 
     Double precision, because the closed form subtracts nearly equal numbers: 49 kB an image of 256 cells x 16 bins.
     What was computed of the images last asked for is remembered, so that several who ask pay once.
+
+    Parameters
+    ----------
+    threads
+        To compare with, where several images are compared at once.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, threads: int = 1) -> None:
+        self._threads = threads
         self._count = 0
         self._tiles: list[_Tile] = []
         self._rows: dict[int, _Row] = {}
+        self._expected: dict[int, _Query] = {}
+        self._asked: set[int] = set()
 
     def __len__(self) -> int:
         return self._count
@@ -73,6 +81,9 @@ class DescriptionStore:
         self._tiles[tile].put(place, description)
         for row in self._rows.values():
             row.forget(tile)
+        expected = self._expected.pop(self._count, None)
+        if expected is not None and not expected.is_of(description):
+            self._rows.pop(self._count, None)
         self._count += 1
         return self._count - 1
 
@@ -85,6 +96,7 @@ class DescriptionStore:
         row.reach(len(self._tiles))
         wanted = np.zeros(len(self._tiles), np.bool_)
         wanted[others // _TILE] = True
+        self._asked.update(np.flatnonzero(wanted).tolist())
         missing = np.flatnonzero(wanted & ~row.known)
         if len(missing):
             asked = self._query(query)
@@ -92,47 +104,43 @@ class DescriptionStore:
                 self._fill(row, asked, tile)
         return Distances(row.position[others], row.orientation[others], row.shifts[others])
 
-    def anticipate(self, queries: Iterable[int], *, later: bool = False, threads: int = 1) -> None:
-        """Compare some images with all earlier ones, and remember it until other images are asked for.
+    def expect(self, descriptions: Sequence[Description]) -> None:
+        """Compare the images that come next with those that were asked for of late, which is faster all at once.
 
-        The same numbers as `compare` gives one by one, but the descriptors are read once for all queries.
-
-        Parameters
-        ----------
-        queries
-            The images that will be asked for.
-        later
-            Compare with the later images too.
-        threads
-            To compute with.
+        A hint: what `compare` returns does not depend on it.
         """
+        queries = {self._count + number: _Query.of(description) for number, description in enumerate(descriptions)}
+        tiles = sorted(self._asked)
+        self._asked.clear()
+        self._expected = queries
+        self._remember(queries, tiles)
+
+    def anticipate(self, queries: Iterable[int]) -> None:
+        """Compare some images that are here with all others, which is faster all at once.
+
+        A hint: what `compare` returns does not depend on it.
+        """
+        self._remember({query: self._query(query) for query in queries}, range(len(self._tiles)))
+
+    def _remember(self, queries: Mapping[int, _Query], tiles: Iterable[int]) -> None:
         rows = {query: _Row() for query in queries}
-        asked = {query: self._query(query) for query in rows}
         for row in rows.values():
             row.reach(len(self._tiles))
 
         def fill(tile: int) -> None:
             for query, row in rows.items():
-                if later or tile * _TILE < query:
-                    self._fill(row, asked[query], tile)
+                self._fill(row, queries[query], tile)
 
-        tiles = range(len(self._tiles))
-        if threads == 1:
+        if self._threads == 1:
             for tile in tiles:
                 fill(tile)
         else:
-            with ThreadPoolExecutor(threads) as pool:
+            with ThreadPoolExecutor(self._threads) as pool:
                 list(pool.map(fill, tiles))
         self._rows = rows
 
     def _query(self, query: int) -> _Query:
-        tile, place = self._tiles[query // _TILE], query % _TILE
-        return _Query(
-            tile.positions[place],
-            tile.orientations[place],
-            np.ascontiguousarray(tile.conjugates[:, :, place].conj())[:, np.newaxis],
-            float(tile.squares[place]),
-        )
+        return self._tiles[query // _TILE].query(query % _TILE)
 
     def _fill(self, row: _Row, query: _Query, number: int) -> None:
         tile = self._tiles[number]
@@ -150,6 +158,17 @@ class _Query:
     spectrum: NDArray[np.complex128]
     square: float
 
+    @classmethod
+    def of(cls, description: Description) -> _Query:
+        tile = _Tile.empty(len(description.position), *description.orientation.shape, images=1)
+        tile.put(0, description)
+        return tile.query(0)
+
+    def is_of(self, description: Description) -> bool:
+        return np.array_equal(self.position, description.position) and np.array_equal(
+            self.orientation, description.orientation
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class _Tile:
@@ -164,12 +183,12 @@ class _Tile:
     squares: NDArray[np.float64]
 
     @classmethod
-    def empty(cls, dimensions: int, cells: int, bins: int) -> _Tile:
+    def empty(cls, dimensions: int, cells: int, bins: int, *, images: int = _TILE) -> _Tile:
         return cls(
-            np.zeros((_TILE, dimensions)),
-            np.zeros((_TILE, cells, bins), np.float32),
-            np.zeros((cells // 2 + 1, bins, _TILE), np.complex128),
-            np.zeros(_TILE),
+            np.zeros((images, dimensions)),
+            np.zeros((images, cells, bins), np.float32),
+            np.zeros((cells // 2 + 1, bins, images), np.complex128),
+            np.zeros(images),
         )
 
     def put(self, place: int, description: Description) -> None:
@@ -178,6 +197,14 @@ class _Tile:
         self.orientations[place] = description.orientation
         self.conjugates[:, :, place] = rfft(exact, axis=0).conj()
         self.squares[place] = np.square(exact).sum()
+
+    def query(self, place: int) -> _Query:
+        return _Query(
+            self.positions[place],
+            self.orientations[place],
+            np.ascontiguousarray(self.conjugates[:, :, place].conj())[:, np.newaxis],
+            float(self.squares[place]),
+        )
 
     def align(self, query: _Query) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return orientation distances and shifts, shape (tile,) each."""

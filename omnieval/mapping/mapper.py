@@ -6,7 +6,7 @@ Omnidirectional Imaging*, Appl. Sci. 2020, 10(18), 6480, doi 10.3390/app10186480
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ from omnieval.mapping.conditions import (
 from omnieval.mapping.config import Gate, MapperConfig
 from omnieval.mapping.journal import Journal, smallest_margin
 from omnieval.mapping.matching import match_image
-from omnieval.mapping.memory import ImageMemory
+from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.node import Node, fit_node, grow_node
 from omnieval.mapping.step import (
     Centroid,
@@ -85,6 +85,10 @@ class Mapper:
         other._placements = list(self._placements)
         return other
 
+    def expect(self, descriptions: Sequence[Description]) -> None:
+        """Prepare for the descriptions that come next; a hint, which saves time and changes no step."""
+        self._images.expect(descriptions)
+
     def step(self, description: Description) -> Step:
         """Decide about the next image.
 
@@ -138,7 +142,10 @@ class Mapper:
         for node in self._nodes.values():
             labels[node.frames] = node.id
         if placed is None:
-            placed = {frame: self.place(frame, Journal()) for frame in self.leftovers}
+            placed = {}
+            for block in blocks(self.leftovers, AHEAD):
+                self._images.anticipate(block)
+                placed |= {frame: self.place(frame, Journal()) for frame in block}
         for frame, (label, placement) in placed.items():
             labels[frame], placements[frame] = label, placement
         return FinalMap(

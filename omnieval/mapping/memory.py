@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import takewhile
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +13,41 @@ from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import DescriptionStore, Distances
 from omnieval.errors import ConfigError
 
+T = TypeVar("T")
+
+AHEAD = 32
+"""Images to compare with others at once: each of these is then read once for all, and rows stay small."""
+
+
+def blocks(items: Iterable[T], size: int) -> Iterator[list[T]]:
+    """Yield items in blocks, the last of which may be shorter; what comes before an error is yielded before it."""
+    block: list[T] = []
+    try:
+        for item in items:
+            block.append(item)
+            if len(block) == size:
+                yield block
+                block = []
+    except Exception:
+        yield block
+        raise
+    if block:
+        yield block
+
 
 class ImageMemory:
-    """Descriptors of every image so far; memory grows linearly."""
+    """Descriptors of every image so far; memory grows linearly.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    threads
+        To compare with, where several images are compared at once.
+    """
+
+    def __init__(self, threads: int = 1) -> None:
         self._count = 0
         self._positions: NDArray[np.float64] = np.empty((0, 0))
-        self._store = DescriptionStore()
+        self._store = DescriptionStore(threads)
         self._shapes: tuple[tuple[int, ...], tuple[int, ...]] | None = None
 
     def __len__(self) -> int:
@@ -55,25 +84,34 @@ class ImageMemory:
         """Compare an image with others, shape (m,)."""
         return self._store.compare(frame, frames)
 
-    def anticipate(self, frames: Iterable[int], *, later: bool = False) -> None:
-        """Compare some images with all others ahead of time; see `DescriptionStore.anticipate`."""
-        self._store.anticipate(frames, later=later)
+    def expect(self, descriptions: Sequence[Description]) -> None:
+        """Prepare for the descriptions that come next, which is faster all at once; see `DescriptionStore.expect`."""
+        self._store.expect(list(takewhile(lambda description: self._fault(description) is None, descriptions)))
+
+    def anticipate(self, frames: Iterable[int]) -> None:
+        """Compare some images with all others at once; see `DescriptionStore.anticipate`."""
+        self._store.anticipate(frames)
 
     def _checked(self, description: Description) -> NDArray[np.float64]:
+        if fault := self._fault(description):
+            raise ConfigError(f"image {self._count}: {fault}")
+        self._shapes = description.position.shape, description.orientation.shape
+        return description.position.astype(np.float64)
+
+    def _fault(self, description: Description) -> str | None:
+        """Return what is wrong with a description."""
         position, orientation = description.position, description.orientation
-        where = f"image {self._count}"
         if position.ndim != 1 or orientation.ndim != 2:
-            raise ConfigError(
-                f"{where}: position and orientation descriptors must have 1 and 2 dimensions, "
+            return (
+                "position and orientation descriptors must have 1 and 2 dimensions, "
                 f"got shapes {position.shape} and {orientation.shape}"
             )
         shapes = position.shape, orientation.shape
         if self._shapes is not None and shapes != self._shapes:
-            raise ConfigError(
-                f"{where}: its position and orientation descriptors have shapes {shapes[0]} and {shapes[1]}, "
+            return (
+                f"its position and orientation descriptors have shapes {shapes[0]} and {shapes[1]}, "
                 f"earlier ones {self._shapes[0]} and {self._shapes[1]}"
             )
         if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
-            raise ConfigError(f"{where}: its descriptor has NaN or infinite values")
-        self._shapes = shapes
-        return position.astype(np.float64)
+            return "its descriptor has NaN or infinite values"
+        return None

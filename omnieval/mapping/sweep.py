@@ -13,7 +13,6 @@ import dataclasses
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
 from typing import Generic, Protocol, Self, TypeVar
 
 from omnieval.descriptors.description import Description
@@ -21,14 +20,11 @@ from omnieval.mapping.conditions import gate_threshold
 from omnieval.mapping.config import MapperConfig
 from omnieval.mapping.journal import Journal, smallest_margin
 from omnieval.mapping.mapper import Mapper
-from omnieval.mapping.memory import ImageMemory
+from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.step import Comparison, FinalMap, Placement, Step
 
 SHARED = ("omega", "merge_y", "gamma", "n_new")
 """Parameters that configurations of one tree may differ in; what else differs takes another tree."""
-
-_AHEAD = 32
-"""Images compared with the earlier ones at once, which reads each of these once for all."""
 
 
 class Region(Protocol):
@@ -157,12 +153,12 @@ class Sweep(Generic[R]):
         ConfigError
             If a description's arrays are not finite or not shaped like the earlier ones.
         """
-        for block in _blocks(map(self._images.append, descriptions)):
+        for block in blocks(descriptions, AHEAD):
             started = time.perf_counter()
-            self._images.anticipate(block)
+            self._images.expect(block)
             self._charge(time.perf_counter() - started)
-            for frame in block:
-                yield self._decide(frame)
+            for description in block:
+                yield self._decide(self._images.append(description))
 
     def finish(self) -> list[Outcome[R]]:
         """Return the final maps and whose they are.
@@ -174,8 +170,8 @@ class Sweep(Generic[R]):
         """
         leftovers = [set(branch.mapper.leftovers) for branch in self._branches]
         placings = [[_Placing(branch.region, branch.seconds)] for branch in self._branches]
-        for block in _blocks(sorted(set().union(*leftovers))):
-            self._images.anticipate(block, later=True)
+        for block in blocks(sorted(set().union(*leftovers)), AHEAD):
+            self._images.anticipate(block)
             for number, branch in enumerate(self._branches):
                 for frame in block:
                     if frame in leftovers[number]:
@@ -279,10 +275,3 @@ def _place(mapper: Mapper, frame: int, placings: list[_Placing[R]]) -> list[_Pla
 def _same(comparisons: Iterable[Comparison], config: MapperConfig) -> bool:
     """Whether all comparisons come out the same for another configuration."""
     return all(one.same_at(getattr(config, one.parameter)) for one in comparisons if one.parameter is not None)
-
-
-def _blocks(numbers: Iterable[int]) -> Iterator[list[int]]:
-    """Yield numbers in blocks of `_AHEAD`."""
-    iterator = iter(numbers)
-    while block := list(islice(iterator, _AHEAD)):
-        yield block

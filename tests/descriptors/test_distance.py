@@ -67,3 +67,60 @@ def test_the_distance_is_symmetric_and_its_shifts_opposite():
     back, opposite = orientations(store, 1, [0])
     assert there[0] == pytest.approx(back[0])
     assert (shift[0] + opposite[0]) % 64 == 0
+
+
+def descriptions(count, seed=5):
+    rng = np.random.default_rng(seed)
+    return [Description(rng.random(6, np.float32), rng.random((32, 4), np.float32)) for _ in range(count)]
+
+
+def all_numbers(store, count):
+    """Everything a store says of its first images, to the bit."""
+    found = [store.compare(query, np.arange(count)) for query in range(count)]
+    return [[one.position.tolist(), one.orientation.tolist(), one.shifts.tolist()] for one in found]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_is_expected_or_anticipated_has_the_same_bits(threads):
+    images = descriptions(200)
+    plain, hinted = DescriptionStore(), DescriptionStore(threads)
+    for start in range(0, 200, 25):
+        hinted.expect(images[start : start + 25])
+        for image in images[start : start + 25]:
+            query = plain.append(image)
+            assert hinted.append(image) == query
+            others = np.arange(0, query, 2)
+            one, other = plain.compare(query, others), hinted.compare(query, others)
+            assert one.position.tolist() == other.position.tolist()
+            assert one.orientation.tolist() == other.orientation.tolist()
+            assert one.shifts.tolist() == other.shifts.tolist()
+    expected = all_numbers(plain, 200)
+    hinted.anticipate(range(150, 182))
+    assert all_numbers(hinted, 200) == expected
+
+
+def test_an_image_that_was_not_the_expected_one_is_compared_itself():
+    first, second = descriptions(70), descriptions(70, seed=6)
+    plain, misled = DescriptionStore(), DescriptionStore()
+    for image in first:
+        plain.append(image)
+        misled.append(image)
+    misled.compare(69, np.arange(69))
+    misled.expect(second[:3])
+    for image in (second[0], second[2], second[1]):
+        plain.append(image)
+        misled.append(image)
+    assert all_numbers(misled, 73)[69:] == all_numbers(plain, 73)[69:]
+
+
+def test_an_image_is_compared_with_those_that_came_after_it():
+    images = descriptions(66)
+    store = DescriptionStore()
+    for image in images[:65]:
+        store.append(image)
+    before = store.compare(3, np.array([1, 64]))
+    store.append(images[65])
+    after = store.compare(3, np.array([1, 64, 65]))
+    assert after.orientation[:2].tolist() == before.orientation.tolist()
+    assert after.orientation[2] == pytest.approx(brute_force(images[3].orientation, images[65].orientation)[0])
+    assert after.position[2] == pytest.approx(np.linalg.norm(images[3].position - images[65].position))
