@@ -18,6 +18,7 @@ from omnieval.datasets import load
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.description import Description, Descriptor
 from omnieval.errors import ResultError
+from omnieval.imaging.soundness import without_bad
 from omnieval.mapping.matching import match_image
 from omnieval.mapping.memory import ImageMemory
 from omnieval.mapping.partition import Partition
@@ -133,4 +134,6 @@ def _material(run: Run, config: Config, descriptor: Descriptor | None, cache: De
     if source.startswith(ARCHIVE_SCHEME):
         return archive_material(Path(source.removeprefix(ARCHIVE_SCHEME)))
     sequence = load(source).cut(**run.manifest["cut"])
+    if "skipped" in run.manifest:
+        sequence, _ = without_bad(sequence)
     return image_material(sequence, config, descriptor or config.make_descriptor(), cache)

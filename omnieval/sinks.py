@@ -103,7 +103,7 @@ def _info(material: Material, config: Config, page: str) -> RecordingInfo:
         name=f"{material.name} - {material.descriptor}",
         recording_id=str(uuid.uuid4()),
         steps=len(material.frames),
-        gamma=config.mapper.gamma,
+        mapper=config.mapper,
         cells=material.cells,
         description=page,
         properties={"source": material.source, **config.mapper.model_dump(mode="json")},

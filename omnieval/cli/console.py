@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -35,7 +36,7 @@ def print_json(content: dict[str, Any]) -> None:
 def print_fields(fields: Iterable[tuple[str, str]]) -> None:
     """Print names and values in two aligned columns."""
     rows = list(fields)
-    width = max(len(name) for name, _ in rows)
+    width = max((len(name) for name, _ in rows), default=0)
     for name, value in rows:
         print(f"  {name:<{width}}  {value}")
 
@@ -58,8 +59,10 @@ def print_table(table: pl.DataFrame) -> None:
 
 
 def note(message: str) -> None:
-    """Say something on stderr that is no error."""
-    print(f"omnieval: {message}", file=sys.stderr)
+    """Say something on stderr, in one line: the names of files in it may hold anything."""
+    line = re.sub(r"\s*[\r\n]\s*", " ", message.strip())
+    printable = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
+    print(f"omnieval: {printable}", file=sys.stderr)
 
 
 def _ignore(done: int, total: int) -> None:

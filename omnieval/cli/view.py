@@ -1,22 +1,72 @@
-"""``omnieval view``: a run in the Rerun viewer."""
+"""``omnieval view``: runs in the Rerun viewer."""
 
 from __future__ import annotations
 
-from omnieval.cli import options
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from omnieval.results.run_folder import Run
 
 
-def view(run: options.RunArgument) -> None:
-    """Open the recording of a run in the Rerun viewer.
+def view(
+    runs: Annotated[
+        list[Path], typer.Argument(help="Run folders, or recordings (.rrd) of omnieval.", metavar="RUN...")
+    ],
+) -> None:
+    """Open the recordings of runs in one Rerun viewer; all have the same layout.
+
+    Two runs over the same images are also shown side by side at the same step, in a recording of its own that is made
+    from their tables and kept in the cache folder.
 
     Examples:
 
       omnieval view runs/synthetic-cloudy-hog
+
+      omnieval view runs/a runs/b
     """
-    from omnieval.errors import ResultError
-    from omnieval.recording.view import open_viewer
+    from omnieval.cli.console import note
+    from omnieval.recording.view import check_recording, open_viewer
     from omnieval.results.run_folder import open_run
 
-    recording = open_run(run).recording
-    if not recording.exists():
-        raise ResultError(f"{run} has no recording; make one with: omnieval render {run}")
-    open_viewer([recording])
+    opened = [open_run(run) for run in runs if not _is_recording(run)]
+    recordings = [run for run in runs if _is_recording(run)] + [_recording(run) for run in opened]
+    for recording in recordings:
+        check_recording(recording)
+    if len(opened) == len(runs) == 2 and (both := _side_by_side(opened[0], opened[1])):
+        recordings.append(both)
+    if len(recordings) > 1:
+        note(f"{len(recordings)} recordings: switch with Ctrl+Alt+Up and Down, or in the left panel (Ctrl+Shift+B)")
+    open_viewer(recordings)
+
+
+def _is_recording(path: Path) -> bool:
+    return path.suffix == ".rrd" and not path.is_dir()
+
+
+def _recording(run: Run) -> Path:
+    from omnieval.errors import ResultError
+
+    if not run.recording.exists():
+        raise ResultError(f"{run.folder} has no recording; make one with: omnieval render {run.folder}")
+    return run.recording
+
+
+def _side_by_side(one: Run, other: Run) -> Path | None:
+    """Record two runs together and return where; None if they are not over the same images."""
+    from omnieval.datasets.cachedir import cache_dir
+    from omnieval.errors import ResultError
+    from omnieval.recording.pair import record_pair
+    from omnieval.results.compare import agreement
+
+    agreed = agreement(one, other)
+    if agreed is None or not len(agreed.verdicts):
+        return None
+    folder = cache_dir()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"cannot write to the cache folder {folder}: {error.strerror}; set OMNIEVAL_CACHE") from error
+    return record_pair(folder / "side-by-side.rrd", one, other, agreed)

@@ -9,18 +9,16 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omnieval.recording import layout
+from omnieval.recording.window import Extent, map_window
 
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_OID, layout.APPLICATION_ID)
 _Corner = Literal["LeftTop", "LeftBottom"]
-
-_MAP_ASPECT = 1.7
-"""Width over height of the map view."""
 
 
 def build_blueprint(
     steps: int,
     gamma: float,
-    extent: tuple[float, float, float, float] | None = None,
+    extent: Extent | None = None,
     *,
     play: Literal["paused", "following"] = "paused",
 ) -> rrb.Blueprint:
@@ -38,12 +36,12 @@ def build_blueprint(
         ``paused`` for a file; ``following`` for a replay that is watched while it runs.
     """
     root = rrb.Vertical(
-        rrb.Horizontal(_pictures(), _places(extent), _curves(), column_shares=[0.36, 0.36, 0.28]),
+        rrb.Horizontal(_pictures(), _places(extent), _reasons(), column_shares=[0.32, 0.38, 0.30]),
         rrb.Horizontal(*_plots(steps, gamma)),
         rrb.Horizontal(_lanes(steps), _words(), column_shares=[0.55, 0.45]),
-        row_shares=[0.60, 0.20, 0.20],
+        row_shares=[0.555, 0.155, 0.29],
     )
-    _name(root, "root")
+    name_parts(root, "root")
     return rrb.Blueprint(
         root,
         rrb.BlueprintPanel(state="hidden"),
@@ -57,27 +55,37 @@ def build_blueprint(
 def _pictures() -> rrb.Container:
     return rrb.Vertical(
         rrb.Spatial2DView(origin=layout.PANORAMA, name="Panorama"),
-        rrb.Spatial2DView(origin=layout.BEST_MATCH, name="Best match, turned by the shift"),
-        rrb.Horizontal(
-            rrb.Spatial2DView(origin=layout.OMNIDIRECTIONAL, name="Omnidirectional image"),
-            _bars(layout.GATE, "Node gates against x"),
-        ),
-        row_shares=[0.29, 0.29, 0.42],
+        rrb.Spatial2DView(origin=layout.BEST_MATCH, name="Best match, turned; blank without candidate"),
+        rrb.Spatial2DView(origin=layout.OMNIDIRECTIONAL, name="Omnidirectional image"),
+        row_shares=[0.27, 0.27, 0.46],
     )
 
 
-def _places(extent: tuple[float, float, float, float] | None) -> rrb.Container:
+def map_view(name: str, extent: Extent | None, root: str = "") -> rrb.View:
+    """Return the view of a map whose entities stand under `root`: the trail, and all loop closures so far."""
     trail = rrb.VisibleTimeRanges(
         timeline=layout.STEP,
         start=rrb.TimeRangeBoundary.cursor_relative(seq=-layout.TRAIL_STEPS),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    view = rrb.Spatial2DView(
-        origin=layout.MAP,
-        name="Cluster map (pending nodes in brackets)",
-        overrides={layout.MAP_TRAIL: [trail]},
+    so_far = rrb.VisibleTimeRanges(
+        timeline=layout.STEP,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    return rrb.Spatial2DView(
+        origin=root + layout.MAP,
+        name=name,
+        overrides={
+            root + layout.MAP_TRAIL: [trail],
+            root + layout.MAP_ACCEPTED: [so_far],
+            root + layout.MAP_REFUSED: [so_far, rrb.EntityBehavior(visible=False)],
+        },
         visual_bounds=_bounds(extent),
     )
+
+
+def _places(extent: Extent | None) -> rrb.Container:
     graph = rrb.GraphView(
         origin=layout.GRAPH,
         name="Topological graph",
@@ -86,26 +94,32 @@ def _places(extent: tuple[float, float, float, float] | None) -> rrb.Container:
         force_collision_radius=rrb.archetypes.ForceCollisionRadius(enabled=True, strength=1.0),
         force_position=rrb.archetypes.ForcePosition(enabled=True, strength=0.03, position=(0.0, 0.0)),
     )
-    return rrb.Vertical(view, graph, row_shares=[0.62, 0.38])
+    return rrb.Vertical(map_view("Map (pending nodes in brackets)", extent), graph, row_shares=[0.66, 0.34])
 
 
-def _curves() -> rrb.Container:
+def _reasons() -> rrb.Container:
+    """Return what was decided and why: in words, and as the curves and gates behind them."""
     return rrb.Vertical(
-        _bars(layout.SIMILARITY, "Similarity over the map: the peak must pass the band"),
-        _bars(layout.POSITION, "Position similarity"),
-        _bars(layout.ORIENTATION, "Orientation similarity"),
-        row_shares=[0.44, 0.28, 0.28],
+        rrb.TextDocumentView(origin=layout.WHY, name="Why"),
+        rrb.Tabs(
+            _bars(layout.SIMILARITY, "Similarity"),
+            _bars(layout.POSITION, "Position"),
+            _bars(layout.ORIENTATION, "Orientation"),
+            active_tab=0,
+        ),
+        _bars(layout.GATE, "Gate ratio of each node; x is the band"),
+        row_shares=[0.53, 0.24, 0.23],
     )
 
 
 def _plots(steps: int, gamma: float) -> list[rrb.View | rrb.Container]:
     prominence = rrb.ScalarAxis(range=(0.0, max(4.0 * gamma, 1.0)))
-    margin = _plot(layout.PLOT_MARGIN, "Margin", steps, rrb.ScalarAxis(range=(0.0, 0.5)))
-    gate = _plot(layout.PLOT_GATE, "Nearest gate against x", steps, rrb.ScalarAxis(range=(0.0, 6.0)))
-    cost = _plot(layout.PLOT_COST, "Cost", steps)
+    margin = _plot(layout.PLOT_MARGIN, "Margin, relative", steps, rrb.ScalarAxis(range=(0.0, 0.5)))
+    gate = _plot(layout.PLOT_GATE, "Nearest gate, x", steps, rrb.ScalarAxis(range=(0.0, 6.0)))
+    cost = _plot(layout.PLOT_COST, "Cost, ms", steps)
     return [
-        _plot(layout.PLOT_PROMINENCE, "Prominence against gamma", steps, prominence),
-        _plot(layout.PLOT_CENTROID, "Centroid shift against bound", steps),
+        _plot(layout.PLOT_PROMINENCE, "Prominence / mean", steps, prominence),
+        _plot(layout.PLOT_CENTROID, "Centroid shift", steps),
         rrb.Tabs(margin, gate, cost, active_tab=0),
         _plot(layout.PLOT_NODES, "Nodes", steps, legend="LeftTop"),
         _plot(layout.PLOT_QUALITY, "Quality so far", steps, rrb.ScalarAxis(range=(-1.0, 1.0)), legend="LeftBottom"),
@@ -114,7 +128,9 @@ def _plots(steps: int, gamma: float) -> list[rrb.View | rrb.Container]:
 
 def _lanes(steps: int) -> rrb.View:
     return rrb.StateTimelineView(
-        origin=layout.LANES, name="Node as decided, in the final map, and room", time_view=_whole_run(steps)
+        origin=layout.LANES,
+        name="Decision (missed: refused at a known place), node, final node, room",
+        time_view=whole_run(steps),
     )
 
 
@@ -135,13 +151,14 @@ def _plot(
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
-        axis_x=_whole_run(steps),
+        axis_x=whole_run(steps),
         axis_y=axis,
         plot_legend=rrb.PlotLegend(legend, visible=legend is not None),
     )
 
 
-def _whole_run(steps: int) -> rrb.TimeAxis:
+def whole_run(steps: int) -> rrb.TimeAxis:
+    """Return the time axis that shows all steps of a run."""
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
             start=rr.TimeRangeBoundary.absolute(seq=0), end=rr.TimeRangeBoundary.absolute(seq=steps)
@@ -149,18 +166,16 @@ def _whole_run(steps: int) -> rrb.TimeAxis:
     )
 
 
-def _bounds(extent: tuple[float, float, float, float] | None) -> rrb.VisualBounds2D | None:
-    """Return where the map view looks: all capture positions with a margin; y grows downwards on the screen."""
+def _bounds(extent: Extent | None) -> rrb.VisualBounds2D | None:
+    """Return where the map view looks: all capture positions and the legend; y grows downwards on the screen."""
     if extent is None:
         return None
-    x_min, y_min, x_max, y_max = extent
-    height = 1.1 * max(y_max - y_min, (x_max - x_min) / _MAP_ASPECT, 1.0)
-    x, y, width = (x_min + x_max) / 2, -(y_min + y_max) / 2, height * _MAP_ASPECT
-    return rrb.VisualBounds2D(x_range=(x - width / 2, x + width / 2), y_range=(y - height / 2, y + height / 2))
+    window = map_window(extent)
+    return rrb.VisualBounds2D(x_range=(window.x_min, window.x_max), y_range=(-window.y_max, -window.y_min))
 
 
-def _name(part: rrb.Container | rrb.View, path: str) -> None:
+def name_parts(part: rrb.Container | rrb.View, path: str) -> None:
     """Give every part an id that depends on its place alone, so that equal runs have equal blueprints."""
     part.id = uuid.uuid5(_NAMESPACE, path)
     for index, child in enumerate(getattr(part, "contents", ()) if isinstance(part, rrb.Container) else ()):
-        _name(child, f"{path}/{index}")
+        name_parts(child, f"{path}/{index}")

@@ -7,16 +7,35 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.explain.decision import Decision
+from omnieval.explain.flips import flips
+from omnieval.explain.page import lines
+from omnieval.explain.words import decision_text, event_text
+from omnieval.mapping.config import MapperConfig
 from omnieval.mapping.step import EventKind, Match, NodeGate, Step, Verdict
 from omnieval.recording import layout
 from omnieval.recording.records import StepView
-from omnieval.recording.rows import NO_BARS, Bars, Row, Scalar, Words
-from omnieval.recording.words import decision_text, event_text
+from omnieval.recording.rows import NO_BARS, Bars, Page, Row, Scalar, Words
 
 CURVE_BARS = 512
 """Most bars of a curve, about the pixels it is shown on; this bounds what a step costs in a growing map."""
 GATE_CEILING = 3.0
 """Gate ratios are drawn up to so many times x; far nodes would otherwise flatten the others."""
+
+_REASONS = (
+    "true place",
+    "would flip",
+    "best match",
+    "prominence",
+    "centroid",
+    "candidates",
+    "refused",
+    "event",
+    "run",
+    "margin",
+    "image",
+)
+"""The parts of an explanation that the page of a step has, in the order in which they are asked for."""
 
 _BEST_SHARE = 0.006
 """Least width of the best candidate's bar, as a share of the chart."""
@@ -42,6 +61,38 @@ def word_rows(step: Step, gamma: float) -> list[tuple[str, Row]]:
         color = layout.node_color(event.into if event.kind is EventKind.MERGED and event.into else event.node)
         rows.append((layout.LOG_EVENT, Words(event_text(event), event.kind.value.upper(), color)))
     return rows
+
+
+def why_rows(decided: Decision, config: MapperConfig) -> list[tuple[str, Row]]:
+    """Return the decision and what was compared as a page, the reasons first; the plots beside it show the rest."""
+    said: dict[str, str] = {}
+    for label, text in lines(decided, config):
+        said.setdefault(label, text)
+    said["would flip"] = "; ".join(flip.text for flip in flips(decided, config) if flip.passed is _closed(decided))
+    paragraphs = [f"**{label}** {said[label]}" for label in _REASONS if said.get(label)]
+    return [(layout.WHY, Page("\n\n".join([f"**{said['decision']}**", *paragraphs])))]
+
+
+def _closed(decided: Decision) -> bool:
+    return decided.verdict is Verdict.ASSIGNED
+
+
+def decision_state(decided: Decision) -> str:
+    """Return what the lane of decisions shows: a refused image at a known place is a missed loop closure."""
+    if decided.verdict is Verdict.INITIAL:
+        return "initial"
+    if decided.verdict in (Verdict.ASSIGNED, Verdict.PENDING):
+        return "closed"
+    return "missed" if decided.revisit is not None and decided.revisit.near else "refused"
+
+
+DECISION_COLORS = {
+    "initial": 0x4A5058FF,
+    "closed": 0x5B77B8FF,
+    "refused": 0x2B3138FF,
+    "missed": 0xFFEA46FF,
+}
+"""Colours of the lane of decisions, dark to bright by how much they ask to be looked at."""
 
 
 def plot_rows(view: StepView, gamma: float, unassigned: float) -> list[tuple[str, Row]]:

@@ -42,12 +42,16 @@ MAP_TRANSITIONS = "/map/transitions"
 MAP_NODES = "/map/nodes"
 MAP_TRAIL = "/map/trail"
 MAP_MATCH = "/map/match"
+MAP_ACCEPTED = "/map/loop_closures/accepted"
+MAP_REFUSED = "/map/loop_closures/refused"
+MAP_LEGEND = "/map/legend"
 MAP_ROBOT = "/map/robot"
 MAP_HEADING = "/map/heading"
 
 GRAPH = "/graph"
 
 LANES = "/lanes"
+LANE_DECISION = "/lanes/decision"
 LANE_NODE = "/lanes/node"
 LANE_FINAL = "/lanes/node_final"
 LANE_ROOM = "/lanes/room"
@@ -56,6 +60,7 @@ LOG = "/log"
 LOG_DECISION = "/log/decision"
 LOG_EVENT = "/log/event"
 
+WHY = "/why"
 PAGE = "/page"
 
 TRAIL_STEPS = 60
@@ -87,6 +92,16 @@ FAINT_COLOR = 0xB9C2CC60
 CURVE_COLOR = 0x6FA8DCFF
 BEST_COLOR = 0xFF5A5AFF
 BAND_COLOR = 0xFF9F4048
+
+CLOSURES: tuple[tuple[float, str, int, float], ...] = (
+    (0.5, "closure < 0.5 m", 0x5B77B8FF, 1.0),
+    (1.0, "< 1 m", 0x8C8F99FF, 1.5),
+    (3.0, "< 3 m", 0xC4B56CFF, 2.0),
+    (float("inf"), "> 3 m: wrong", 0xFFEA46FF, 2.5),
+)
+"""How a loop closure is drawn by the true distance between its two images: up to so many metres, what the legend
+says, colour, line width. The colours are cividis, which people of any colour vision see as a scale from dark to bright;
+the darkest is lighter than there, to stand out from a black background."""
 
 _GOLDEN_RATIO = 0.6180339887498949
 

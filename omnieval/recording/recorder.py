@@ -9,11 +9,15 @@ from typing import Self
 import numpy as np
 import rerun as rr
 
+from omnieval.explain.capture import Capture
+from omnieval.explain.decision import Decision, best_match, decision
+from omnieval.explain.revisit import Revisit, Revisits
+from omnieval.explain.words import final_text
 from omnieval.mapping.partition import Partition
-from omnieval.mapping.step import FinalMap
+from omnieval.mapping.step import FinalMap, Step
 from omnieval.recording import layout
 from omnieval.recording.blueprint import build_blueprint
-from omnieval.recording.evidence import curve_rows, gate_rows, plot_rows, word_rows
+from omnieval.recording.evidence import curve_rows, decision_state, gate_rows, plot_rows, why_rows, word_rows
 from omnieval.recording.overview import Overview
 from omnieval.recording.pictures import encode_omnidirectional, encode_panorama, turn
 from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
@@ -21,7 +25,6 @@ from omnieval.recording.rows import Picture, Row, State, Words
 from omnieval.recording.stream import Stream
 from omnieval.recording.styles import lane_state, styles
 from omnieval.recording.view import check_viewer, start_viewer
-from omnieval.recording.words import final_text
 
 
 class Recorder:
@@ -53,14 +56,16 @@ class Recorder:
         self._stream = Stream(
             path,
             recording_id=info.recording_id,
-            blueprint=build_blueprint(info.steps, info.gamma, info.extent),
+            blueprint=build_blueprint(info.steps, info.mapper.gamma, info.extent),
             viewer=viewer,
         )
         if viewer is not None:
-            self._stream.follow(build_blueprint(info.steps, info.gamma, info.extent, play="following"))
+            self._stream.follow(build_blueprint(info.steps, info.mapper.gamma, info.extent, play="following"))
         self._partition = Partition()
         self._overview = Overview()
         self._lanes: dict[str, str] = {}
+        self._captures: list[Capture] = []
+        self._revisits = Revisits(info.mapper.n_new)
         self._log_header()
 
     @property
@@ -80,13 +85,17 @@ class Recorder:
         ValueError
             If the step is not the one that follows the last.
         """
-        step, gamma = view.step, self._info.gamma
+        step, gamma = view.step, self._info.mapper.gamma
+        revisit = self._revisits.find(view.capture, self._partition)
+        self._captures.append(view.capture)
         self._partition.apply(step)
         if self._stream.ended:
             return
         self._stream.begin(step.frame, view.time_ns)
-        rows = [*word_rows(step, gamma), *plot_rows(view, gamma, self._partition.unassigned), *self._lane_rows(view)]
-        rows += self._overview.rows(view, self._partition)
+        decided = self._decided(step, revisit)
+        rows = [*word_rows(step, gamma), *plot_rows(view, gamma, self._partition.unassigned), *self._lane_rows(decided)]
+        rows += why_rows(decided, self._info.mapper)
+        rows += self._overview.rows(decided, self._partition)
         if self._detailed(step.frame):
             rows += [*gate_rows(step.gate), *curve_rows(step.match, gamma)]
         if images is not None and self.wants_images(step.frame):
@@ -135,15 +144,27 @@ class Recorder:
         info, stream = self._info, self._stream
         stream.name(info.name, info.properties)
         stream.static(layout.PAGE, rr.TextDocument(info.description, media_type=rr.MediaType.MARKDOWN))
-        for entity, value in styles(info.steps):
+        for entity, value in styles(info.steps, info.extent):
             stream.static(entity, value)
 
-    def _lane_rows(self, view: StepView) -> list[tuple[str, Row]]:
+    def _lane_rows(self, decided: Decision) -> list[tuple[str, Row]]:
         """Return the lanes that change their state at this step."""
-        states = {layout.LANE_NODE: lane_state(view.step.node), layout.LANE_ROOM: view.room or ""}
+        states = {
+            layout.LANE_DECISION: decision_state(decided),
+            layout.LANE_NODE: lane_state(decided.node),
+            layout.LANE_ROOM: decided.capture.room or "",
+        }
         changed = {lane: state for lane, state in states.items() if self._lanes.get(lane, "") != state}
         self._lanes |= changed
         return [(lane, State(state)) for lane, state in changed.items()]
+
+    def _decided(self, step: Step, revisit: Revisit | None) -> Decision:
+        """Return the step with its surroundings."""
+        here, match = self._captures[step.frame], step.match
+        best = (
+            best_match(match, here, self._captures[match.best_frame], self._info.cells) if match is not None else None
+        )
+        return decision(step, here, best, revisit)
 
     def _image_rows(self, view: StepView, images: StepImages) -> list[tuple[str, Row]]:
         match = view.step.match

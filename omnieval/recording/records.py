@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.errors import ConfigError
+from omnieval.explain.capture import Capture
+from omnieval.mapping.config import MapperConfig
 from omnieval.mapping.step import Step
 
 
@@ -62,8 +64,8 @@ class RecordingInfo:
         Unique to the run: two files with one id are one recording to the viewer.
     steps
         Number of images of the sequence.
-    gamma
-        The prominence condition's factor.
+    mapper
+        The parameters of the method.
     cells
         Cells of the orientation descriptor: the unit of shifts.
     description
@@ -77,7 +79,7 @@ class RecordingInfo:
     name: str
     recording_id: str
     steps: int
-    gamma: float
+    mapper: MapperConfig
     cells: int
     description: str
     properties: Mapping[str, str | float | int] = field(default_factory=dict)
@@ -113,6 +115,12 @@ class StepView:
     room: str | None
     time_ns: int | None
     silhouette: float | None
+
+    @property
+    def capture(self) -> Capture:
+        """What is known of the image besides its pixels and its name."""
+        x, y = self.position or (None, None)
+        return Capture(self.step.frame, "", self.time_ns, x, y, self.yaw, self.room)
 
 
 @dataclass(frozen=True)

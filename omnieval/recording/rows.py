@@ -6,9 +6,9 @@ therefore knows how to turn a list of itself into columns. An empty row clears w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import pyarrow as pa
@@ -58,6 +58,18 @@ class Words:
                 color=np.array([row.color for row in rows], np.uint32),
             )
         ]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of Markdown."""
+
+    text: str
+
+    @classmethod
+    def columns(cls, rows: Sequence[Self]) -> Columns:
+        """See `Row.columns`. That it is Markdown is said once, with the styles."""
+        return [*rr.TextDocument.columns(text=[row.text for row in rows])]
 
 
 @dataclass(frozen=True)
@@ -117,11 +129,15 @@ NO_BARS = Bars(np.zeros(0), np.zeros(0), np.zeros(0))
 
 @dataclass(frozen=True)
 class Points:
-    """Points of the map: positions (n, 2), metres, y up; classes (n,) are the nodes that colour them."""
+    """Points of the map: positions (n, 2), metres, y up; classes (n,) are the nodes that colour them.
+
+    `facts` are shown of a point that is selected, by their names, one for each point.
+    """
 
     positions: NDArray[np.floating]
     classes: NDArray[np.integer]
     labels: tuple[str, ...] | None = None
+    facts: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @classmethod
     def columns(cls, rows: Sequence[Self]) -> Columns:
@@ -136,15 +152,22 @@ class Points:
             labels = [label for row in rows for label in row.labels or ()]
             batch = rr.components.TextBatch(labels)
             result.append(rr.ComponentColumn(rr.Points2D.descriptor_labels(), batch, lengths=lengths))
+        for name in rows[0].facts:
+            fact: dict[str, Any] = {name: [value for row in rows for value in row.facts[name]]}
+            result += rr.AnyValues.columns(**fact).partition(lengths)
         return result
 
 
 @dataclass(frozen=True)
 class Segments:
-    """Straight lines on the map: ends (n, 2, 2), metres, y up; colours (n,) 0xRRGGBBAA."""
+    """Straight lines on the map: ends (n, 2, 2), metres, y up; colours (n,) 0xRRGGBBAA; widths (n,), ui points.
+
+    Without widths they are as wide as their style says.
+    """
 
     ends: NDArray[np.floating]
     colors: NDArray[np.integer]
+    widths: NDArray[np.floating] | None = None
 
     @classmethod
     def columns(cls, rows: Sequence[Self]) -> Columns:
@@ -159,10 +182,16 @@ class Segments:
         )
         colors = np.concatenate([row.colors for row in rows]).astype(np.uint32)
         lines = rr.LineStrips2D
-        return [
+        columns = [
             rr.ComponentColumn(lines.descriptor_strips(), rr.components.LineStrip2DBatch(strips), lengths=lengths),
             rr.ComponentColumn(lines.descriptor_colors(), rr.components.ColorBatch(colors), lengths=lengths),
         ]
+        if rows[0].widths is not None:
+            # Negative radii are in ui points: the line is as wide whatever the zoom.
+            radii = -np.concatenate([row.widths for row in rows if row.widths is not None]) / 2
+            batch = rr.components.RadiusBatch(radii.astype(np.float32))
+            columns.append(rr.ComponentColumn(lines.descriptor_radii(), batch, lengths=lengths))
+        return columns
 
 
 NO_SEGMENTS = Segments(np.zeros((0, 2, 2)), np.zeros(0, np.uint32))

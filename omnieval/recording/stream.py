@@ -39,6 +39,8 @@ class Stream:
         How the recording is shown.
     viewer
         URL of a viewer that shows it live.
+    application_id
+        What kind of recording it is: those of one kind are shown alike.
 
     Raises
     ------
@@ -47,7 +49,13 @@ class Stream:
     """
 
     def __init__(
-        self, path: Path | None, *, recording_id: str, blueprint: rrb.Blueprint, viewer: str | None = None
+        self,
+        path: Path | None,
+        *,
+        recording_id: str,
+        blueprint: rrb.Blueprint,
+        viewer: str | None = None,
+        application_id: str = layout.APPLICATION_ID,
     ) -> None:
         if path is None and viewer is None:
             raise ResultError("a recording needs somewhere to go: name a file, or show it in a viewer")
@@ -57,7 +65,7 @@ class Stream:
         self._flush_steps = FLUSH_STEPS if viewer is None else LIVE_FLUSH_STEPS
         self._times: list[tuple[int, int | None]] = []
         self._rows: dict[str, list[tuple[int, Row]]] = {}
-        self._rerun = _new_recording(recording_id)
+        self._rerun = _new_recording(application_id, recording_id)
         self._file = PipedFile(path) if path is not None else None
         try:
             with _strict():
@@ -176,10 +184,10 @@ class Stream:
         return sinks
 
 
-def _new_recording(recording_id: str) -> rr.RecordingStream:
+def _new_recording(application_id: str, recording_id: str) -> rr.RecordingStream:
     """Return a stream that cuts no chunk by the clock and logs no wall-clock time."""
     recording = rr.RecordingStream(
-        layout.APPLICATION_ID,
+        application_id,
         recording_id=recording_id,
         send_properties=False,
         batcher_config=rr.ChunkBatcherConfig(flush_tick=3600.0),

@@ -6,6 +6,8 @@ import numpy as np
 import rerun as rr
 
 from omnieval.recording import layout
+from omnieval.recording.evidence import DECISION_COLORS
+from omnieval.recording.window import Extent, map_window
 
 Style = rr.AsComponents | list[rr.DescribedComponentBatch]
 
@@ -17,8 +19,11 @@ def lane_state(node: int | None) -> str:
     return str(node) if node else UNASSIGNED
 
 
-def styles(steps: int) -> list[tuple[str, Style]]:
-    """Return how every entity of a recording of `steps` images is drawn; static data."""
+def styles(steps: int, extent: Extent | None = None) -> list[tuple[str, Style]]:
+    """Return how every entity of a recording of `steps` images is drawn; static data.
+
+    With the `extent` of the capture positions the map has a legend.
+    """
     nodes = range(layout.most_nodes(steps) + 1)
     colors = np.array([layout.node_color(node) for node in nodes], np.uint32)
     infos = [
@@ -28,6 +33,12 @@ def styles(steps: int) -> list[tuple[str, Style]]:
     lane = rr.StateConfiguration(values=[lane_state(node) for node in nodes], colors=colors)
     fixed: list[tuple[str, Style]] = [
         (layout.MAP, rr.AnnotationContext(infos)),
+        (
+            layout.LANE_DECISION,
+            rr.StateConfiguration(
+                values=list(DECISION_COLORS), colors=np.array(list(DECISION_COLORS.values()), np.uint32)
+            ),
+        ),
         (layout.LANE_NODE, lane),
         (layout.LANE_FINAL, lane),
         (f"{layout.GATE}/{layout.CANDIDATES}", _bar_color(layout.ACCEPTED_COLOR)),
@@ -35,10 +46,13 @@ def styles(steps: int) -> list[tuple[str, Style]]:
         (f"{layout.GATE}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
         (f"{layout.SIMILARITY}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
         *_map_styles(),
+        (layout.WHY, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN)),
     ]
     for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
         fixed.append((f"{curve}/{layout.CURVE}", _bar_color(layout.CURVE_COLOR)))
         fixed.append((f"{curve}/{layout.BEST}", _bar_color(layout.BEST_COLOR)))
+    if extent is not None:
+        fixed.append((layout.MAP_LEGEND, _legend(extent)))
     for entity, (label, color) in layout.SERIES.items():
         fixed.append((entity, rr.SeriesLines(colors=color, names=label, widths=1.2)))
     return fixed
@@ -50,6 +64,8 @@ def _map_styles() -> list[tuple[str, Style]]:
         (layout.MAP_IMAGES, rr.Points2D.from_fields(radii=ui(3.0), show_labels=False, draw_order=10.0)),
         (layout.MAP_RECENT, rr.Points2D.from_fields(radii=ui(3.0), show_labels=False, draw_order=11.0)),
         (layout.MAP_TRANSITIONS, rr.LineStrips2D.from_fields(radii=ui(1.0), draw_order=20.0)),
+        (layout.MAP_ACCEPTED, rr.LineStrips2D.from_fields(draw_order=25.0)),
+        (layout.MAP_REFUSED, rr.LineStrips2D.from_fields(draw_order=24.0)),
         (layout.MAP_TRAIL, rr.LineStrips2D.from_fields(radii=ui(1.0), draw_order=30.0)),
         (layout.MAP_MATCH, rr.LineStrips2D.from_fields(radii=ui(1.5), draw_order=31.0)),
         (layout.MAP_NODES, rr.Points2D.from_fields(radii=ui(7.0), show_labels=True, draw_order=40.0)),
@@ -59,6 +75,17 @@ def _map_styles() -> list[tuple[str, Style]]:
             rr.Points2D.from_fields(radii=ui(5.0), colors=layout.WHITE, show_labels=False, draw_order=51.0),
         ),
     ]
+
+
+def _legend(extent: Extent) -> Style:
+    """Return the legend of the loop closures' colours, in a row below the building."""
+    return rr.Points2D(
+        map_window(extent).legend(len(layout.CLOSURES)) * (1.0, -1.0),
+        labels=[label for _, label, _, _ in layout.CLOSURES],
+        colors=np.array([color for _, _, color, _ in layout.CLOSURES], np.uint32),
+        radii=rr.Radius.ui_points(5.0),
+        show_labels=True,
+    )
 
 
 def _bar_color(color: int) -> Style:

@@ -27,6 +27,10 @@ _SETTLE_SECONDS = 2.0
 _POLL_SECONDS = 0.1
 _DEFAULT_PORT = 9876
 
+_HTTP2_GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
+"""The connection preface of HTTP/2, on which gRPC runs, with an empty SETTINGS frame (RFC 9113, 3.4)."""
+_SETTINGS_FRAME = 4
+
 _LAUNCHED: list[subprocess.Popen[bytes]] = []
 """Viewers go on without us; Python would complain of a process that is forgotten while it runs."""
 
@@ -87,6 +91,8 @@ def check_viewer(url: str) -> None:
         raise ResultError(f"{url!r} has no valid port: {error}") from error
     if not _answers(parts.hostname, port):
         raise ResultError(f"no viewer listens at {url}; start one with: rerun --bind 127.0.0.1 --port {port}")
+    if parts.scheme != "rerun+https" and not _speaks_http2(parts.hostname, port):
+        raise ResultError(f"what listens at {url} is no viewer; start one on another port with: rerun --port auto")
 
 
 def check_recording(path: Path) -> int:
@@ -162,3 +168,16 @@ def _answers(host: str, port: int) -> bool:
             return True
     except OSError:
         return False
+
+
+def _speaks_http2(host: str, port: int) -> bool:
+    """Whether somebody answers as a viewer does; Rerun waits for ever for anybody else."""
+    try:
+        with socket.create_connection((host, port), timeout=2.0) as connection:
+            connection.sendall(_HTTP2_GREETING)
+            header = b""
+            while len(header) < 4 and (more := connection.recv(4 - len(header))):
+                header += more
+    except OSError:
+        return False
+    return len(header) == 4 and header[3] == _SETTINGS_FRAME

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +15,8 @@ from typing import Any
 import polars as pl
 
 from omnieval.errors import ResultError
+
+_TEMPORARY = re.compile(r"\.(?P<name>.+)\.\d+\.tmp")
 
 
 @contextmanager
@@ -32,16 +37,27 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise ResultError(f"cannot write {path}: {error.strerror or error}; choose another --out") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        # What made the writing fail may keep us from tidying up as well, and is what to tell.
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def is_temporary(path: Path, *, of: str | None = None) -> bool:
+    """Whether this is a file of `replacing` (for the name `of`), which only a killed process leaves behind."""
+    found = _TEMPORARY.fullmatch(path.name)
+    return found is not None and of in {None, found["name"]}
 
 
 def write_table(table: pl.DataFrame, path: Path) -> None:
     """Write a table as parquet; see `replacing`."""
+    content = io.BytesIO()  # so that only the operating system can fail, with an error that says how
+    table.write_parquet(content)
     with replacing(path) as temporary:
-        table.write_parquet(temporary)
+        temporary.write_bytes(content.getbuffer())
 
 
 def write_json(content: dict[str, Any], path: Path) -> None:
     """Write an object as readable JSON; see `replacing`."""
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
     with replacing(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", "utf-8")
+        temporary.write_text(text, "utf-8")

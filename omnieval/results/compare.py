@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
+from omnieval.errors import ConfigError
+from omnieval.mapping.partition import Partition
 from omnieval.results.run_folder import Run
 from omnieval.results.schemas import STEPS
+from omnieval.results.tables import step_from_row
+from omnieval.wording import did_you_mean, shown
 
 _NOT_OF_THE_STEP = frozenset({"node_final", "placement", "forced", "milliseconds"})
 """What only the end tells, and what the clock says."""
@@ -40,6 +47,92 @@ class Difference:
     settings: dict[str, tuple[Any, Any]]
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """How far two runs over the same images agree, step by step.
+
+    Attributes
+    ----------
+    verdicts
+        Whether each shared step has the same verdict in both, shape (n,).
+    partitions
+        Whether the images so far are parted alike, whatever the nodes are called, shape (n,).
+    final_ari
+        Adjusted Rand index of the two final maps (each unassigned image by itself); None unless both runs are complete
+        and of equal length.
+    """
+
+    verdicts: NDArray[np.bool_]
+    partitions: NDArray[np.bool_]
+    final_ari: float | None
+
+    @property
+    def first_parted(self) -> int | None:
+        """The first step with another verdict or another partition; None if there is none."""
+        parted = np.flatnonzero(~self.both)
+        return int(parted[0]) if parted.size else None
+
+    @property
+    def both(self) -> NDArray[np.bool_]:
+        """Whether verdict and partition are the same, shape (n,)."""
+        both: NDArray[np.bool_] = self.verdicts & self.partitions
+        return both
+
+
+def agreement(one: Run, other: Run) -> Agreement | None:
+    """Hold two runs against each other, over the steps that both have; None if they are not over the same images."""
+    left, right = one.steps, other.steps
+    shared = min(len(left), len(right))
+    if not left["file"].head(shared).equals(right["file"].head(shared)):
+        return None
+    verdicts = (left["verdict"].head(shared) == right["verdict"].head(shared)).to_numpy()
+    partitions = np.zeros(shared, np.bool_)
+    mine, theirs = Partition(), Partition()
+    rows = zip(left.head(shared).iter_rows(named=True), right.head(shared).iter_rows(named=True), strict=True)
+    for frame, (row, row_of_other) in enumerate(rows):
+        mine.apply(step_from_row(row))
+        theirs.apply(step_from_row(row_of_other))
+        partitions[frame] = same_partition(mine.labels, theirs.labels)
+    whole = len(left) == len(right) and one.status == other.status == "complete"
+    return Agreement(verdicts, partitions, _final_ari(left, right) if whole else None)
+
+
+def same_partition(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
+    """Return whether two labellings part the images alike, up to the names of the nodes.
+
+    Parameters
+    ----------
+    one, other
+        Node of every image, shape (n,); unassigned images are 0 in both or the labellings differ.
+    """
+    if not np.array_equal(one == 0, other == 0):
+        return False
+    pairs = one * (int(other.max(initial=0)) + 1) + other
+    count = len(np.unique(pairs))
+    return count == len(np.unique(one)) == len(np.unique(other))
+
+
+def matched_nodes(one: NDArray[np.int64], other: NDArray[np.int64]) -> dict[int, int]:
+    """Return which node of one map is which of another: the pairing that shares the most images.
+
+    Parameters
+    ----------
+    one, other
+        Node of every image, shape (n,), 0 where unassigned.
+
+    Returns
+    -------
+    dict
+        Node of `other` -> node of `one`; nodes without a partner are left out.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    shared = np.zeros((int(other.max(initial=0)) + 1, int(one.max(initial=0)) + 1), np.int64)
+    np.add.at(shared, (other, one), (other > 0) & (one > 0))
+    pairs = zip(*linear_sum_assignment(shared, maximize=True), strict=True)
+    return {int(theirs): int(mine) for theirs, mine in pairs if shared[theirs, mine]}
+
+
 def first_difference(one: Run, other: Run) -> Difference | None:
     """Return where two runs part, None if all their steps are equal to the bit."""
     left, right = one.steps.select(AT_THE_STEP), other.steps.select(AT_THE_STEP)
@@ -55,8 +148,22 @@ def first_difference(one: Run, other: Run) -> Difference | None:
     return Difference(frame, here["file"], differing(here, there), settings)
 
 
-def compare(runs: Sequence[Run]) -> pl.DataFrame:
-    """Return one row a run: its folder, the parameters in which the runs differ, and all metrics."""
+def compare(runs: Sequence[Run], columns: Sequence[str] | None = None) -> pl.DataFrame:
+    """Return one row a run: its folder, the parameters in which the runs differ, and all metrics.
+
+    Parameters
+    ----------
+    runs
+        At least one run.
+    columns
+        What to tell of each besides its folder; default: source, status, what differs, and all metrics. Parameters in
+        which the runs are equal can be named as well.
+
+    Raises
+    ------
+    ConfigError
+        If a column is neither a parameter nor a metric.
+    """
     settings = [_settings(run) for run in runs]
     varied = [name for name in settings[0] if any(one.get(name) != settings[0][name] for one in settings)]
     rows = [
@@ -64,18 +171,39 @@ def compare(runs: Sequence[Run]) -> pl.DataFrame:
             "run": str(run.folder),
             "source": run.manifest["source"],
             "status": run.status,
-            **{name: str(one.get(name)) for name in varied},
+            **{name: str(one.get(name)) for name in (varied if columns is None else one)},
             **run.metrics,
         }
         for run, one in zip(runs, settings, strict=True)
     ]
-    return pl.DataFrame(rows, infer_schema_length=None)
+    table = pl.DataFrame(rows, infer_schema_length=None)
+    if columns is None:
+        return table
+    for name in columns:
+        if name not in table.columns:
+            raise ConfigError(f"runs have no column {shown(name)}; {did_you_mean(name, table.columns)}")
+    return table.select("run", *(name for name in dict.fromkeys(columns) if name != "run"))
 
 
 def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     """Return both values of every key whose values differ."""
     keys = [*one, *(key for key in other if key not in one)]
     return {key: (one.get(key), other.get(key)) for key in keys if one.get(key) != other.get(key)}
+
+
+def _final_ari(left: pl.DataFrame, right: pl.DataFrame) -> float:
+    from sklearn.metrics import adjusted_rand_score
+
+    one, other = (_singled(steps["node_final"].fill_null(0).cast(pl.Int64).to_numpy()) for steps in (left, right))
+    with warnings.catch_warnings():
+        # Nearly every image its own node is a legitimate, if poor, map; scikit-learn takes it for a regression target.
+        warnings.filterwarnings("ignore", "The number of unique classes", UserWarning)
+        return float(adjusted_rand_score(one, other))
+
+
+def _singled(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Give every unassigned image a label of its own: no two of them are in the same place."""
+    return np.where(labels == 0, -1 - np.arange(len(labels)), labels)
 
 
 def _first_unequal(left: pl.DataFrame, right: pl.DataFrame) -> int | None:

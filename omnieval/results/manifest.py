@@ -1,24 +1,25 @@
 """``run.json``: what a folder of results holds, where it comes from, and how far it came.
 
 Every folder that omnieval writes has one, whatever its kind; nothing is ever written into a folder that has something
-else in it.
+else in it, or that another process writes.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import platform
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from omnieval.errors import ResultError
-from omnieval.results.atomic import write_json
+from omnieval.results.atomic import is_temporary, write_json
+from omnieval.results.ownership import FolderTakenError, Hold, is_alive, this_process
 from omnieval.results.schemas import SCHEMA_VERSION
 
 MANIFEST = "run.json"
+_ALWAYS = {"status": str, "process": dict, "started": str, "metrics": dict}
+"""What every manifest has."""
 
 
 class Manifest:
@@ -27,46 +28,98 @@ class Manifest:
     Parameters
     ----------
     folder
-        Created, with its parents.
+        Created, with its parents. Nobody else can write it as long as this object lives, or until it is closed as
+        anything but ``complete``.
     kind
         What the folder holds, in a word.
     content
         What is known at the start.
     files
-        Names of all other files that a folder of this kind can hold; of an earlier one only these are removed.
+        Names, or patterns like ``parts/*.json``, of all other files that a folder of this kind can hold; of an earlier
+        one only these are removed.
     overwrite
         Whether an earlier folder of the same kind may be replaced.
 
     Raises
     ------
     ResultError
-        If the folder holds something already or cannot be written.
+        If the folder holds something already, is being written, or cannot be written.
     """
+
+    content: dict[str, Any]
+    _path: Path
+    _hold: Hold
 
     def __init__(
         self, folder: Path, kind: str, content: dict[str, Any], *, files: Iterable[str], overwrite: bool
     ) -> None:
-        _claim(folder, kind, files, overwrite=overwrite)
         self._path = folder / MANIFEST
-        self.content: dict[str, Any] = {
+        self._hold = _entered(folder)
+        try:
+            _clear(folder, kind, files, overwrite=overwrite, hold=self._hold)
+            self._begin(kind, {"started": _now(), **content})
+        except BaseException:
+            self._hold.release()
+            raise
+
+    @classmethod
+    def reopen(cls, folder: Path, kind: str, content: dict[str, Any], *, files: Iterable[str]) -> Self:
+        """Go on with a folder that was closed or whose process has died; there is a ``run.json`` at every moment.
+
+        Parameters
+        ----------
+        folder, kind, content
+            As above; when it was first started is kept.
+        files
+            Names of files that are not true any more, to be removed.
+
+        Raises
+        ------
+        ResultError
+            If there is no such folder, it is being written, or it cannot be written.
+        """
+        read_manifest(folder, kind)  # an error about the folder comes before one about its lock
+        manifest = cls.__new__(cls)
+        manifest._path = folder / MANIFEST
+        manifest._hold = _entered(folder)
+        try:
+            earlier = read_manifest(folder, kind)
+            _refuse_running(folder, earlier, manifest._hold)
+            manifest._begin(kind, {"started": earlier["started"], "resumed": _now(), **content})
+            _remove(folder, files)
+        except BaseException:
+            manifest._hold.release()
+            raise
+        return manifest
+
+    def update(self, content: dict[str, Any]) -> None:
+        """Say more."""
+        together = self.content | content
+        write_json(together, self._path)
+        self.content = together
+
+    def close(self, status: str, content: dict[str, Any]) -> None:
+        """Say how it ended: ``complete``, ``interrupted`` or ``failed``."""
+        try:
+            self.update({**content, "status": status, "finished": _now()})
+        finally:
+            if status != "complete":
+                self.release()
+
+    def release(self) -> None:
+        """Let others write the folder."""
+        self._hold.release()
+
+    def _begin(self, kind: str, content: dict[str, Any]) -> None:
+        self.content = {
             "schema_version": SCHEMA_VERSION,
             "kind": kind,
             "status": "running",
-            "started": _now(),
-            "process": {"pid": os.getpid(), "host": platform.node()},
+            "process": this_process(),
             "metrics": {},
             **content,
         }
         write_json(self.content, self._path)
-
-    def update(self, content: dict[str, Any]) -> None:
-        """Say more."""
-        self.content |= content
-        write_json(self.content, self._path)
-
-    def close(self, status: str, content: dict[str, Any]) -> None:
-        """Say how it ended: ``complete``, ``interrupted`` or ``failed``."""
-        self.update({**content, "status": status, "finished": _now()})
 
 
 def read_manifest(folder: Path, kind: str) -> dict[str, Any]:
@@ -80,8 +133,9 @@ def read_manifest(folder: Path, kind: str) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         content = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError as error:
-        raise ResultError(f"{folder} is not a run folder: it has no {MANIFEST}") from error
+    except (FileNotFoundError, NotADirectoryError) as error:
+        reason = f"it has no {MANIFEST}" if folder.is_dir() else "there is no such folder"
+        raise ResultError(f"{folder} is not {_folder_of(kind)}: {reason}") from error
     except (OSError, ValueError) as error:
         raise ResultError(f"cannot read {path}: {error}; run it again") from error
     found = content.get("schema_version") if isinstance(content, dict) else None
@@ -90,45 +144,95 @@ def read_manifest(folder: Path, kind: str) -> dict[str, Any]:
             f"{path} has schema version {found}, this omnieval reads {SCHEMA_VERSION}; "
             "run it again or use the version that wrote it"
         )
-    if content["kind"] != kind:
-        raise ResultError(f"{folder} is a {content['kind']}, not a {kind}; name the folder of a {kind}")
+    if (other := content.get("kind")) != kind:
+        word = _a(other) if isinstance(other, str) and other else "nothing we know"
+        raise ResultError(f"{folder} is {word}, not {_a(kind)}; name the folder of {_a(kind)}")
+    if lacking := [name for name, type_ in _ALWAYS.items() if not isinstance(content.get(name), type_)]:
+        raise ResultError(f"{path} is damaged: it has no {', '.join(lacking)}; run it again")
     return dict(content)
 
 
 def status_of(content: dict[str, Any]) -> str:
-    """Return the status a manifest gives; a process that is dead does not run."""
+    """Return the status that a manifest of `read_manifest` gives; a process that is dead does not run."""
     status: str = content["status"]
-    return "interrupted" if status == "running" and not _alive(content["process"]) else status
+    return "interrupted" if status == "running" and not is_alive(content["process"]) else status
 
 
-def _claim(folder: Path, kind: str, files: Iterable[str], *, overwrite: bool) -> None:
+def refuse_running(folder: Path, content: dict[str, Any]) -> None:
+    """See that nobody writes a folder, of which `content` is the manifest.
+
+    Raises
+    ------
+    ResultError
+        If somebody does.
+    """
+    hold = _entered(folder)
+    try:
+        _refuse_running(folder, content, hold)
+    finally:
+        hold.release()
+
+
+def _entered(folder: Path) -> Hold:
+    """Create a folder and hold it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        occupied = any(folder.iterdir())
+        return Hold(folder)
+    except FolderTakenError as error:
+        raise ResultError(
+            f"{folder} is being written by another process; wait for it or choose another --out"
+        ) from error
     except OSError as error:
         raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
-    if not occupied:
+
+
+def _clear(folder: Path, kind: str, files: Iterable[str], *, overwrite: bool, hold: Hold) -> None:
+    """See that the folder is free to be written, and remove an earlier one of the same kind if that is wanted."""
+    try:
+        present = list(folder.iterdir())
+    except OSError as error:
+        raise ResultError(f"cannot read {folder}: {error.strerror}; choose another --out") from error
+    if all(is_temporary(path, of=MANIFEST) for path in present):  # whoever began here was killed before the first word
+        _remove(folder, ())
         return
     if not (folder / MANIFEST).exists():
-        raise ResultError(f"{folder} holds files that are not a {kind} of omnieval; choose another --out")
-    read_manifest(folder, kind)
+        raise ResultError(f"{folder} holds files that are not {_a(kind)} of omnieval; choose another --out")
+    earlier = read_manifest(folder, kind)
+    _refuse_running(folder, earlier, hold)
     if not overwrite:
-        raise ResultError(f"{folder} holds a {kind} already; choose another --out or pass --overwrite")
-    for name in (MANIFEST, *files):
-        (folder / name).unlink(missing_ok=True)
+        raise ResultError(f"{folder} holds {_a(kind)} already; choose another --out or pass --overwrite")
+    # Whoever looks while its files go, or after we were killed there, finds what is true of the rest.
+    replaced = {"status": "interrupted", "reason": "it is being replaced by another run", "metrics": {}}
+    write_json(earlier | replaced, folder / MANIFEST)
+    _remove(folder, files)
 
 
-def _alive(process: dict[str, Any]) -> bool:
-    """Whether the process that writes a folder still exists, as far as this machine can tell."""
-    if os.name != "posix" or process["host"] != platform.node():
-        return True
+def _remove(folder: Path, files: Iterable[str]) -> None:
+    """Remove files of our own, and what killed processes left half-written."""
     try:
-        os.kill(process["pid"], 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
+        ours = [path for pattern in files for path in folder.glob(pattern)]
+        left = [path for pattern in (".*.tmp", "*/.*.tmp") for path in folder.glob(pattern) if is_temporary(path)]
+        for path in (*ours, *left):
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
+
+
+def _refuse_running(folder: Path, content: dict[str, Any], hold: Hold) -> None:
+    if not hold.certain and status_of(content) == "running":
+        writer = content["process"]
+        raise ResultError(
+            f"{folder} is still being written by process {writer.get('pid')} on {writer.get('host')}; wait for it or "
+            "choose another --out"
+        )
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+
+
+def _folder_of(kind: str) -> str:
+    return "a run folder" if kind == "replay" else f"{_a(kind)} folder"
 
 
 def _now() -> str:

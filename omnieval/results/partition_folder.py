@@ -12,6 +12,7 @@ from typing import Any
 import polars as pl
 
 from omnieval.results.atomic import write_table
+from omnieval.results.content import content_hash
 from omnieval.results.manifest import Manifest
 from omnieval.results.schemas import PARTITIONS
 
@@ -49,5 +50,5 @@ class PartitionWriter:
 
     def close(self, status: str, manifest: dict[str, Any]) -> dict[str, Any]:
         """Close the folder as ``complete``, ``interrupted`` or ``failed`` and return what ``run.json`` says."""
-        self._manifest.close(status, manifest)
+        self._manifest.close(status, {**manifest, "content_hashes": {"baseline": content_hash(self.table)}})
         return self._manifest.content

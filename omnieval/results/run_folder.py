@@ -12,6 +12,7 @@ Steps are written in parts as they come, so that a killed run leaves a readable 
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,14 +23,18 @@ import polars as pl
 
 from omnieval.errors import ResultError
 from omnieval.results.atomic import write_table
+from omnieval.results.content import content_hash, folder_hash
 from omnieval.results.manifest import Manifest, read_manifest, status_of
 from omnieval.results.schemas import STEPS
 from omnieval.results.tables import steps_frame
+from omnieval.wording import safe_name
 
 KIND = "replay"
 RECORDING = "replay.rrd"
+_PARTIAL_RECORDING = "replay.partial.rrd"
 TABLES = ("steps", "nodes", "transitions")
 _PARTS = "parts"
+_PART = "steps-*.parquet"
 _PART_ROWS = 250
 _PART_SECONDS = 2.0
 
@@ -60,7 +65,7 @@ class Run:
         whole = self.folder / "steps.parquet"
         if whole.exists():
             return _read_table(whole)
-        parts = sorted((self.folder / _PARTS).glob("steps-*.parquet"))
+        parts = _parts(self.folder)
         return pl.concat([_read_table(part) for part in parts]) if parts else STEPS.to_frame()
 
     @property
@@ -78,6 +83,13 @@ class Run:
         """Metrics of the final map, empty unless the run is complete."""
         metrics: dict[str, float | int | None] = self.manifest["metrics"]
         return metrics
+
+    @property
+    def content_hash(self) -> str:
+        """Hash of what the tables say (`content.folder_hash`); of a run that did not end, of its steps so far."""
+        names = [name for name in TABLES if (self.folder / f"{name}.parquet").exists()]
+        tables = {"steps": self.steps} | {name: _read_table(self.folder / f"{name}.parquet") for name in names[1:]}
+        return folder_hash({name: content_hash(table) for name, table in tables.items()})
 
     @property
     def recording(self) -> Path:
@@ -116,9 +128,8 @@ class RunWriter:
 
     def __init__(self, folder: Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
         self.folder = folder
-        files = [RECORDING, *(f"{table}.parquet" for table in TABLES)]
+        files = [RECORDING, _PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}"]
         self._manifest = Manifest(folder, KIND, manifest, files=files, overwrite=overwrite)
-        _remove_parts(folder)
         self._rows: list[dict[str, Any]] = []
         self._written: list[pl.DataFrame] = []
         self._last_write = time.monotonic()
@@ -140,17 +151,30 @@ class RunWriter:
         """Write the final tables (by the names in `TABLES`) and close the run as complete."""
         for name, table in tables.items():
             write_table(table, self.folder / f"{name}.parquet")
-        return self._close("complete", manifest)
+        hashes = {name: content_hash(table) for name, table in tables.items()}
+        return self._close("complete", {**manifest, "content_hashes": hashes})
 
     def annotate(self, manifest: dict[str, Any]) -> Run:
-        """Add to ``run.json`` of a closed run what was learned since."""
-        self._manifest.update(manifest)
-        return Run(self.folder, self._manifest.content)
+        """Add to ``run.json`` of a complete run what was learned since, of its recording.
+
+        The run is complete without it: if it cannot be written any more, the run that is returned has it all the same.
+        """
+        with contextlib.suppress(ResultError):
+            self._manifest.update(manifest)
+        return Run(self.folder, self._manifest.content | manifest)
 
     def abandon(self, status: str, reason: str) -> Run:
-        """Close a run that did not reach its end (`interrupted` or `failed`); its steps stay readable."""
-        write_table(self.steps(), self.folder / "steps.parquet")
-        return self._close(status, {"reason": reason})
+        """Close a run that did not reach its end (`interrupted` or `failed`); its steps stay readable.
+
+        A run that is complete stays so: what ends it early can only have cost the recording.
+        """
+        if self._manifest.content["status"] == "complete":
+            return self.annotate({"recording_failure": reason})
+        try:
+            write_table(self.steps(), self.folder / "steps.parquet")
+            return self._close(status, {"reason": reason})
+        finally:
+            self._manifest.release()
 
     def _write_part(self) -> None:
         parts = self.folder / _PARTS
@@ -171,8 +195,11 @@ class RunWriter:
 
 
 def free_folder(parent: Path, name: str) -> Path:
-    """Return the first of ``name``, ``name-2``, ``name-3`` ... that `parent` does not have yet."""
-    return next(folder for folder in _numbered(parent, name) if not folder.exists())
+    """Return the first of ``name``, ``name-2``, ``name-3`` ... that `parent` does not have yet.
+
+    Whatever `name` is made of, the folder is one in `parent`.
+    """
+    return next(folder for folder in _numbered(parent, safe_name(name)) if not folder.exists())
 
 
 def _numbered(parent: Path, name: str) -> Iterator[Path]:
@@ -183,12 +210,16 @@ def _numbered(parent: Path, name: str) -> Iterator[Path]:
         number += 1
 
 
+def _parts(folder: Path) -> list[Path]:
+    return sorted((folder / _PARTS).glob(_PART))
+
+
 def _remove_parts(folder: Path) -> None:
-    parts = folder / _PARTS
-    for part in parts.glob("steps-*.parquet"):
-        part.unlink()
-    if parts.is_dir() and not any(parts.iterdir()):
-        parts.rmdir()
+    # The whole table is there and is read instead: parts that cannot be removed do no harm.
+    with contextlib.suppress(OSError):
+        for part in _parts(folder):
+            part.unlink()
+        (folder / _PARTS).rmdir()
 
 
 def _read_table(path: Path) -> pl.DataFrame:

@@ -128,10 +128,15 @@ ABLATION = _schema(
         "smallest_margin": pl.Float64,
         "smallest_margin_frame": pl.Int32,
         "smallest_margin_gate": pl.String,
+        "exact": pl.String,
+        "exact_from": pl.Float64,
+        "exact_to": pl.Float64,
         "seconds": pl.Float64,
         "error": pl.String,
     }
 )
 """One row a run of an ablation, in the order of its grid (`job`): the source, every parameter, the metrics of a run,
 the silhouette of batch spectral clustering with as many clusters as the map has nodes, the smallest margin, where it
-was, the seconds of mapping, and the error of a run that failed (its other results are null)."""
+was, the seconds of mapping, and the error of a run that failed (its other results are null). What runs have in common
+is computed once, and its seconds are divided among them. With `exact`, the name of a parameter, a row holds for all its
+values from `exact_from` up to below `exact_to` (the last row of an interval up to and with it); else these are null."""

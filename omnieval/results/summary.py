@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from omnieval.imaging.soundness import BadImage, in_words
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.results.run_folder import Run
+from omnieval.wording import shown
 
 
 def summary_fields(run: Run) -> Iterator[tuple[str, str]]:
     """Yield (name, value) pairs that say what a run came to."""
     manifest, metrics = run.manifest, run.metrics
     timings = manifest["timings"]
-    yield "source", manifest["source"]
+    yield "source", shown(manifest["source"])
     yield "frames", f"{manifest['frames']} in {timings['seconds']:.1f} s ({timings['frames_per_second']:.0f} frames/s)"
+    if skipped := skipped_images(run):
+        yield "skipped", skipped
     yield "nodes", f"{metrics['nodes']}"
     reasons = manifest["null_reasons"]
     yield "silhouette", _value(metrics["silhouette"], reasons.get("silhouette"))
@@ -33,6 +37,14 @@ def summary_fields(run: Run) -> Iterator[tuple[str, str]]:
     yield "images placed", ", ".join(f"{100 * (metrics[name] or 0):.1f} % {words}" for words, name in shares.items())
     if margin := manifest["smallest_margin"]:
         yield "smallest margin", f"{margin['value']:.2g} at frame {margin['frame']} ({margin['gate']})"
+
+
+def skipped_images(run: Run) -> str | None:
+    """Return how many images a run left out because they were bad, and which; None if it left out none."""
+    skipped = run.manifest.get("skipped")
+    if not skipped:
+        return None
+    return in_words([BadImage(**bad) for bad in skipped], run.manifest["frames"] + len(skipped))
 
 
 def _value(value: float | int | None, reason: str | None) -> str:

@@ -7,6 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from omnieval.explain.decision import best_match, decision
+from omnieval.mapping.config import MapperConfig
 from omnieval.mapping.step import (
     Centroid,
     EventKind,
@@ -35,7 +37,7 @@ def info(steps, recording_id="a-run", **changes):
         "name": "made-up - hog",
         "recording_id": recording_id,
         "steps": steps,
-        "gamma": GAMMA,
+        "mapper": MapperConfig(gamma=GAMMA),
         "cells": CELLS,
         "description": "# made-up\n\nbefore",
         "properties": {"omega": 2.0, "descriptor": "hog", "seed": 0},
@@ -127,6 +129,15 @@ def view(a_step, *, poses=True, room=True, silhouette=0.25):
         time_ns=1_152_904_768_000_000_000 + 200_000_000 * a_step.frame if poses else None,
         silhouette=silhouette,
     )
+
+
+def decided(a_step, **surroundings):
+    """A step with its surroundings, and those of its best match."""
+    here = view(a_step, **surroundings).capture
+    if a_step.match is None:
+        return decision(a_step, here, None)
+    there = view(step(a_step.match.best_frame, Verdict.INITIAL), **surroundings).capture
+    return decision(a_step, here, best_match(a_step.match, here, there, CELLS))
 
 
 def picture(shape, seed):

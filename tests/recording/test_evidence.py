@@ -8,12 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from omnieval.explain.capture import Capture
+from omnieval.explain.decision import decision
+from omnieval.explain.revisit import Revisit
 from omnieval.mapping.step import Centroid, NodeGate, Verdict
 from omnieval.recording import layout
 from omnieval.recording.evidence import (
     CURVE_BARS,
+    DECISION_COLORS,
     GATE_CEILING,
     curve_rows,
+    decision_state,
     gate_rows,
     plot_rows,
     pooled_bars,
@@ -131,3 +136,22 @@ def test_colours_of_nodes_depend_on_the_number_alone_and_differ():
     colors = [layout.node_color(node) for node in range(40)]
     assert len(set(colors)) == 40
     assert layout.node_color(0) == layout.UNASSIGNED_COLOR
+
+
+@pytest.mark.parametrize(
+    ("verdict", "metres", "state"),
+    [
+        (Verdict.INITIAL, None, "initial"),
+        (Verdict.ASSIGNED, 0.2, "closed"),
+        (Verdict.PENDING, 9.0, "closed"),
+        (Verdict.PROMINENCE, 0.2, "missed"),
+        (Verdict.NO_CANDIDATE, 1.0, "missed"),
+        (Verdict.NO_CANDIDATE, 1.1, "refused"),
+        (Verdict.CENTROID, None, "refused"),
+    ],
+)
+def test_a_refusal_at_a_known_place_is_a_missed_loop_closure(verdict, metres, state):
+    revisit = None if metres is None else Revisit(Capture(0, ""), 1, metres)
+    decided = decision(step(40, verdict), Capture(40, ""), None, revisit)
+    assert decision_state(decided) == state
+    assert state in DECISION_COLORS

@@ -8,6 +8,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from omnieval.errors import ConfigError, ResultError
+from omnieval.mapping.config import MapperConfig
 from omnieval.mapping.step import Verdict
 from omnieval.recording import layout
 from omnieval.recording.digest import digest
@@ -19,9 +20,14 @@ from tests.recording.replays import final, images, info, picture, step, steps, v
 
 COUNT = 120
 
-EVERY_STEP = {layout.LOG_DECISION, layout.MAP_RECENT, layout.MAP_ROBOT, layout.MAP_HEADING, layout.MAP_NODES} | set(
-    layout.SERIES
-)
+EVERY_STEP = {
+    layout.LOG_DECISION,
+    layout.WHY,
+    layout.MAP_RECENT,
+    layout.MAP_ROBOT,
+    layout.MAP_HEADING,
+    layout.MAP_NODES,
+} | set(layout.SERIES)
 PICTURES = {layout.PANORAMA, layout.OMNIDIRECTIONAL, layout.BEST_MATCH}
 CURVES = {
     *(
@@ -80,6 +86,25 @@ def test_words_in_the_recording_give_the_reason(recorded):
     assert column(recorded, layout.LOG_EVENT, "TextLog:text")[29] == ["created node 2 from images 24-29"]
 
 
+def test_the_page_of_a_step_says_what_would_have_turned_it_and_where_the_match_was_taken(recorded):
+    pages = column(recorded, layout.WHY, "TextDocument:text")
+    (refused,) = pages[20]
+    assert refused.startswith("**refused: prominence 3.1 x mean < 5**")
+    assert "gamma <= 3.1 would pass this gate" in refused
+    assert "**best match** 0 of node 1 in KT, 3.41 m away, turned by 3 cells (4.2 deg)" in refused
+    (far,) = pages[24]
+    assert "omega >= 2.31 would make node 1 a candidate" in far
+
+
+def test_every_loop_closure_is_recorded_once_and_a_node_says_what_it_holds(recorded):
+    verdicts = [a_step.verdict for a_step in steps(COUNT)]
+    rows = rows_per_entity(recorded)
+    assert rows[layout.MAP_ACCEPTED] == verdicts.count(Verdict.ASSIGNED)
+    assert rows[layout.MAP_REFUSED] == verdicts.count(Verdict.PROMINENCE) + verdicts.count(Verdict.CENTROID)
+    assert column(recorded, layout.MAP_NODES, "rooms")[9] == ["KT 100 %"]
+    assert column(recorded, layout.MAP_NODES, "images")[15] == ["16"]
+
+
 def test_numbers_in_the_recording_are_those_of_the_step(recorded):
     prominence = column(recorded, "/plot/prominence/ratio", "Scalars:scalars")
     assert prominence[20] == [3.1]
@@ -88,7 +113,12 @@ def test_numbers_in_the_recording_are_those_of_the_step(recorded):
 
 def test_the_layout_is_the_same_whatever_the_run(recorded, tmp_path):
     other = tmp_path / "other.rrd"
-    record(other, count=45, options=RecordingOptions(every=3), changes={"name": "elsewhere", "gamma": 2.0, "cells": 64})
+    record(
+        other,
+        count=45,
+        options=RecordingOptions(every=3),
+        changes={"name": "elsewhere", "mapper": MapperConfig(gamma=2.0), "cells": 64},
+    )
     assert set(rows_per_entity(other)) == set(rows_per_entity(recorded))
     assert static_entities(other) == static_entities(recorded)
     ids = {entry.application_id for path in (other, recorded) for entry in RrdReader(path).recordings()}
@@ -178,7 +208,7 @@ def test_without_poses_rooms_and_times_the_rest_is_complete(tmp_path):
     assert recorder.failure is None
     rows = rows_per_entity(path)
     missing = {layout.MAP_ROBOT, layout.MAP_HEADING, layout.MAP_TRAIL, layout.MAP_MATCH, layout.MAP_NODES}
-    missing |= {layout.MAP_TRANSITIONS, layout.LANE_ROOM}
+    missing |= {layout.MAP_TRANSITIONS, layout.MAP_ACCEPTED, layout.MAP_REFUSED, layout.LANE_ROOM}
     assert not missing & set(rows)
     assert all(rows[entity] == COUNT for entity in (EVERY_STEP | PICTURES | CURVES) - missing - {layout.MAP_RECENT})
     assert rows[layout.GRAPH] > 1

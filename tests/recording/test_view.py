@@ -1,10 +1,12 @@
 """The viewer starts on sound recordings, is reachable from this machine only, and says why it does not start."""
 
+import contextlib
 import signal
 import socket
 import stat
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -119,12 +121,34 @@ def test_a_live_viewer_is_waited_for_and_its_address_returned(monkeypatch, tmp_p
     assert viewer._LAUNCHED[-1].wait(30) == 0
 
 
+@contextlib.contextmanager
+def listening(answer):
+    """Somebody who says `answer` to whoever connects second, which is the one who greets; give its URL."""
+    with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as thread:
+        url = f"rerun+http://127.0.0.1:{server.getsockname()[1]}/proxy"
+
+        def serve():
+            server.accept()[0].close()
+            with server.accept()[0] as connection:
+                connection.recv(1024)
+                connection.sendall(answer)
+
+        served = thread.submit(serve)
+        yield url
+        served.result()
+
+
 def test_a_viewer_to_connect_to_has_to_listen():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-        check_viewer(f"rerun+http://127.0.0.1:{port}/proxy")
+    with listening(b"\0\0\6\4\0\0\0\0\0\0\5\0\0\x40\0") as url:
+        check_viewer(url)
     with pytest.raises(ResultError, match="no viewer listens"):
-        check_viewer(f"rerun+http://127.0.0.1:{port}/proxy")
+        check_viewer(url)
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"SSH"])
+def test_who_listens_has_to_be_a_viewer(answer):
+    with listening(answer) as url, pytest.raises(ResultError, match="is no viewer; start one on another port"):
+        check_viewer(url)
 
 
 @pytest.mark.parametrize("url", ["", "localhost:9876", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1:9876"])

@@ -1,11 +1,21 @@
 """Runs beside each other, and the step at which they part."""
 
+import numpy as np
 import polars as pl
 import pytest
+from sklearn.metrics import adjusted_rand_score
 
 import omnieval
+from omnieval.errors import ConfigError
 from omnieval.loop import replay
-from omnieval.results.compare import _first_unequal, compare, first_difference
+from omnieval.results.compare import (
+    _first_unequal,
+    agreement,
+    compare,
+    first_difference,
+    matched_nodes,
+    same_partition,
+)
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
 
@@ -56,3 +66,54 @@ def test_a_comparison_shows_what_differs_and_every_metric(runs):
     assert "omega" not in table.columns
     assert set(runs["one"].metrics) <= set(table.columns)
     assert table["nodes"].to_list() == [run.metrics["nodes"] for run in runs.values()]
+
+
+def test_agreement_counts_steps_by_verdict_and_by_partition(runs):
+    one, strict = runs["one"], runs["strict"]
+    agreed = agreement(one, strict)
+    assert agreed is not None
+    parted = agreed.first_parted
+    assert parted is not None
+    assert agreed.both[:parted].all()
+    assert agreed.verdicts.tolist() == (one.steps["verdict"] == strict.steps["verdict"]).to_list()
+    labels = [run.steps["node_final"].to_list() for run in (one, strict)]
+    assert agreed.final_ari == pytest.approx(adjusted_rand_score(*labels))
+    same = agreement(one, runs["same"])
+    assert same is not None
+    assert same.both.all()
+    assert (same.first_parted, same.final_ari) == (None, 1.0)
+
+
+def test_runs_over_other_images_have_no_agreement(runs, panoramas, tmp_path):
+    other = replay(omnieval.load(panoramas).cut(start=10), config=omnieval.configure(CONFIG), out=tmp_path / "other")
+    assert agreement(runs["one"], other) is None
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ([1, 1, 2, 0], [2, 2, 1, 0], True),
+        ([1, 1, 2], [1, 2, 2], False),
+        ([1, 1, 2], [1, 1, 1], False),
+        ([1, 2, 3], [1, 1, 3], False),
+        ([1, 0], [1, 1], False),
+        ([0, 1], [1, 0], False),
+        ([], [], True),
+    ],
+)
+def test_partitions_are_the_same_up_to_the_names_of_their_nodes(one, other, same):
+    assert same_partition(np.array(one, np.int64), np.array(other, np.int64)) is same
+
+
+def test_nodes_are_matched_by_the_images_they_share():
+    one = np.array([1, 1, 1, 2, 2, 3, 0])
+    other = np.array([7, 7, 5, 5, 5, 0, 6])
+    assert matched_nodes(one, other) == {7: 1, 5: 2}
+
+
+def test_chosen_columns_are_shown_alone_even_if_the_runs_do_not_differ_in_them(runs):
+    table = compare(list(runs.values()), ["omega", "nodes", "omega"])
+    assert table.columns == ["run", "omega", "nodes"]
+    assert table["omega"].to_list() == ["3.5"] * 3
+    with pytest.raises(ConfigError, match="did you mean nodes"):
+        compare(list(runs.values()), ["noodes"])

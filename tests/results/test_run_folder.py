@@ -78,6 +78,7 @@ def test_overwriting_removes_only_what_a_run_wrote(tmp_path):
     writer = RunWriter(tmp_path / "run", {})
     writer.step(a_row(0))
     writer.complete({"steps": writer.steps()}, {})
+    del writer
     (tmp_path / "run" / "notes.txt").write_text("mine")
     RunWriter(tmp_path / "run", {"source": "second"}, overwrite=True)
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["notes.txt", "run.json"]
@@ -101,11 +102,17 @@ def test_the_next_free_name_is_numbered(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "not a run folder"),
+        (None, "not a run folder: it has no run.json"),
         ('{"schema_version": 1, "kind": "baseline"}', "a baseline, not a replay"),
         ("{", "cannot read"),
         ('{"schema_version": 99}', "schema version 99"),
         ("[]", "None"),
+        ('{"schema_version": 1}', "nothing we know, not a replay"),
+        ('{"schema_version": 1, "kind": 7}', "nothing we know, not a replay"),
+        (
+            '{"schema_version": 1, "kind": "replay", "status": 1}',
+            "damaged: it has no status, process, started, metrics",
+        ),
     ],
 )
 def test_what_is_no_run_is_refused(tmp_path, content, message):
@@ -149,3 +156,47 @@ def test_times_are_nanoseconds_since_the_epoch(tmp_path):
     writer = RunWriter(tmp_path / "run", {})
     writer.step(step_row(step, Frame(path=Path(), file="a", time_ns=1_152_904_768_652_404_000), 0.1))
     assert writer.steps()["time"].cast(pl.Int64).to_list() == [1_152_904_768_652_404_000]
+
+
+@pytest.mark.parametrize("name", ["../a", "/a", "a/../../b", "..", "", "a\nb", "é x", "-rf", "a" * 400])
+def test_a_folder_of_our_choice_is_always_in_its_parent(tmp_path, name):
+    folder = free_folder(tmp_path, name)
+    assert folder.parent == tmp_path
+    folder.mkdir()
+    assert [path.name for path in tmp_path.iterdir()] == [folder.name]
+
+
+def test_what_ends_a_complete_run_early_cannot_touch_its_tables(tmp_path):
+    writer = RunWriter(tmp_path / "run", {})
+    writer.step(a_row(0))
+    whole = writer.steps().with_columns(node_final=pl.lit(1, pl.Int32))
+    writer.complete({"steps": whole}, {})
+    writer.abandon("interrupted", "Ctrl-C while the recording was completed")
+    run = open_run(tmp_path / "run")
+    assert (run.status, run.manifest["recording_failure"]) == ("complete", "Ctrl-C while the recording was completed")
+    assert run.steps.equals(whole)
+
+
+def test_an_overwritten_run_leaves_no_steps_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr("omnieval.results.run_folder._PART_ROWS", 4)
+    killed = RunWriter(tmp_path / "run", {})
+    for number in range(10):
+        killed.step(a_row(number))
+    (tmp_path / "run" / "replay.partial.rrd").write_bytes(b"half")
+    del killed
+    RunWriter(tmp_path / "run", {}, overwrite=True)
+    assert open_run(tmp_path / "run").steps.is_empty()
+    assert sorted(path.name for path in (tmp_path / "run").rglob("*")) == ["parts", "run.json"]
+
+
+def test_a_run_that_cannot_say_how_it_ended_lets_others_write(tmp_path, monkeypatch):
+    writer = RunWriter(tmp_path / "run", {})
+
+    def full(*arguments):
+        raise ResultError("no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("omnieval.results.run_folder.write_table", full)
+        with pytest.raises(ResultError, match="no space"):
+            writer.abandon("failed", "no space left")
+    RunWriter(tmp_path / "run", {}, overwrite=True)

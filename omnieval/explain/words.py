@@ -2,10 +2,72 @@
 
 from __future__ import annotations
 
-from omnieval.mapping.step import EventKind, FinalMap, Match, NodeEvent, NodeGate, Placement, Step, Verdict
+from typing import Protocol
+
+from omnieval.mapping.step import Centroid, EventKind, FinalMap, NodeEvent, NodeGate, Placement, Verdict
+
+_MOST_DIGITS = 17
 
 
-def decision_text(step: Step, gamma: float) -> str:
+class MatchedImage(Protocol):
+    """What the words need of a match; `Match` and `BestMatch` have it."""
+
+    @property
+    def best_frame(self) -> int:
+        """Number of the most similar image."""
+        ...
+
+    @property
+    def node(self) -> int:
+        """Its node."""
+        ...
+
+    @property
+    def peaks(self) -> int:
+        """Peaks of the similarity curve."""
+        ...
+
+    @property
+    def prominence_ratio(self) -> float:
+        """Prominence over its mean."""
+        ...
+
+
+class Decided(Protocol):
+    """What the words need of a step; `Step` and `Decision` have it."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """What became of the image."""
+        ...
+
+    @property
+    def node(self) -> int | None:
+        """Its node after the step."""
+        ...
+
+    @property
+    def gate(self) -> NodeGate | None:
+        """Node-level loop closure."""
+        ...
+
+    @property
+    def match(self) -> MatchedImage | None:
+        """Image-level loop closure."""
+        ...
+
+    @property
+    def centroid(self) -> Centroid | None:
+        """The centroid condition."""
+        ...
+
+    @property
+    def run(self) -> int:
+        """Length of the run of unassigned images."""
+        ...
+
+
+def decision_text(step: Decided, gamma: float) -> str:
     """Say what became of an image and why.
 
     Parameters
@@ -60,16 +122,19 @@ def frame_ranges(frames: tuple[int, ...]) -> str:
     return ", ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in runs)
 
 
+def counted(number: int, thing: str) -> str:
+    """Write a number of things, e.g. ``1 peak`` or ``2 peaks``."""
+    return f"1 {thing}" if number == 1 else f"{number} {thing}s"
+
+
 def distinct(value: float, threshold: float, digits: int) -> str:
     """Write `value` with so many decimals, or more if it would else read like the threshold it differs from."""
-    text = f"{value:.{digits}f}"
-    while value != threshold and float(text) == threshold and digits < 17:
+    while value != threshold and f"{value:.{digits}f}" == f"{threshold:.{digits}f}" and digits < _MOST_DIGITS:
         digits += 1
-        text = f"{value:.{digits}f}"
-    return text
+    return f"{value:.{digits}f}"
 
 
-def _refusal(step: Step, gamma: float) -> str:
+def _refusal(step: Decided, gamma: float) -> str:
     """Say which condition of the active nodes the image failed."""
     if step.match is None:
         return f"no candidate: {_nearest(step.gate)}"
@@ -89,11 +154,11 @@ def _nearest(gate: NodeGate | None) -> str:
     return f"nearest node {gate.nodes[nearest]} at {distinct(ratio, gate.x, 2)} > x = {gate.x:g}"
 
 
-def _prominence(match: Match) -> str:
+def _prominence(match: MatchedImage) -> str:
     if match.peaks < 2:
         return f"{_peaks(match)}, nothing to compare its prominence with"
     return f"prominence {match.prominence_ratio:.1f} x mean"
 
 
-def _peaks(match: Match) -> str:
-    return "1 peak" if match.peaks == 1 else f"{match.peaks} peaks"
+def _peaks(match: MatchedImage) -> str:
+    return counted(match.peaks, "peak")

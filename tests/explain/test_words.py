@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from omnieval.explain.words import decision_text, distinct, event_text, final_text, frame_ranges
 from omnieval.mapping.step import Centroid, EventKind, NodeEvent, NodeGate, Verdict
-from omnieval.recording.words import decision_text, distinct, event_text, final_text, frame_ranges
 from tests.recording.replays import GAMMA, final, match, step
 
 FAR = NodeGate(1.85, np.array([1, 3]), np.array([4.0, 2.31]))

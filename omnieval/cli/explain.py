@@ -1,0 +1,82 @@
+"""``omnieval explain``: one decision in words and numbers, or the refused loop closures worth explaining."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omnieval.cli import options
+
+if TYPE_CHECKING:
+    from omnieval.results.run_folder import Run
+
+
+def explain(
+    run: options.RunArgument,
+    step: Annotated[
+        str | None, typer.Argument(help="Which step: its number, or the name of its image file.", metavar="STEP")
+    ] = None,
+    refused: Annotated[
+        bool,
+        typer.Option("--refused", help="List refused loop closures that the ground truth would have allowed."),
+    ] = False,
+    within: Annotated[
+        float, typer.Option(min=0.0, help="With --refused: the true match was taken at most this far away, metres.")
+    ] = 1.0,
+    ago: Annotated[
+        int | None, typer.Option(min=1, help="With --refused: at least this many steps before; default n_new.")
+    ] = None,
+    limit: Annotated[int, typer.Option(min=1, help="With --refused: list at most this many.")] = 20,
+    json: options.Json = False,
+) -> None:
+    """Explain a decision: what was compared, what came of it, and what would have turned it.
+
+    Reads the tables of the run only; no image is needed. What is said to turn a gate turns that gate; the gates behind
+    it may still refuse the image.
+
+    Examples:
+
+      omnieval explain runs/synthetic-cloudy-hog 412
+
+      omnieval explain runs/synthetic-cloudy-hog --refused
+    """
+    from omnieval.errors import ConfigError
+    from omnieval.results.run_folder import open_run
+
+    if refused == (step is not None):
+        raise ConfigError("explain a STEP (a number or an image file), or list steps worth it with --refused")
+    opened = open_run(run)
+    if step is None:
+        _print_refused(opened, within, ago, limit, json=json)
+    else:
+        _print_step(opened, step, json=json)
+
+
+def _print_step(run: Run, step: str, *, json: bool) -> None:
+    from omnieval.cli.console import print_fields, print_json
+    from omnieval.explain.run import RunExplainer, explanation_lines, plain
+
+    explainer = RunExplainer(run)
+    frame = explainer.find(step)
+    explanation = explainer.explain(frame)
+    if json:
+        print_json({"schema_version": 1, "run": str(run.folder), "step": frame, **plain(explanation)})
+        return
+    print(f"step {frame} of {run.folder} (0 to {len(explainer) - 1})")
+    print_fields(explanation_lines(explanation, explainer.config))
+
+
+def _print_refused(run: Run, within: float, ago: int | None, limit: int, *, json: bool) -> None:
+    from omnieval.cli.console import print_json, print_table
+    from omnieval.explain.refused import refused_closures
+
+    table = refused_closures(run, within=within, ago=ago)
+    shown = table.head(limit)
+    if json:
+        print_json({"schema_version": 1, "run": str(run.folder), "refused": len(table), "closures": shown.to_dicts()})
+        return
+    print(f"{len(table)} refused loop closures with a true match within {within:g} m, nearest to passing first")
+    if len(shown):
+        print_table(shown)
+        print(f"explain one: omnieval explain {run.folder} {shown['step'][0]}")

@@ -1,0 +1,87 @@
+"""``omnieval compare`` writes one table in the form that is asked for."""
+
+import csv
+import io
+import json
+
+import polars as pl
+import pytest
+
+from omnieval.cli.compare import _latex
+from omnieval.results.run_folder import open_run
+from tests.cli.test_cli import fails, in_process
+
+
+def compare(cwd, *arguments):
+    result = in_process("compare", "a", "b", *arguments, cwd=cwd)
+    assert (result.returncode, result.stderr) == (0, "")
+    return result.stdout
+
+
+def test_the_table_has_a_column_a_run_and_a_row_a_metric(two_runs):
+    rows = {line.split()[0]: line.split()[1:] for line in compare(two_runs).splitlines()}
+    assert rows["run"] == ["a", "b"]
+    assert rows["gamma"] == ["1.0", "20.0"]
+    metrics = [open_run(two_runs / name).metrics for name in "ab"]
+    assert rows["rooms_purity"] == [f"{one['rooms_purity']:.4f}" for one in metrics]
+    assert rows["silhouette"][1] == "-"  # one node only
+    assert set(metrics[0]) <= set(rows)
+    assert "omega" not in rows
+
+
+def test_what_all_runs_share_is_said_once(two_runs):
+    (source,) = (line for line in compare(two_runs).splitlines() if line.startswith("source"))
+    assert source.count("folder:") == 1
+
+
+def test_csv_reads_back_exactly(two_runs):
+    rows = list(csv.DictReader(io.StringIO(compare(two_runs, "--format", "csv"))))
+    assert [row["run"] for row in rows] == ["a", "b"]
+    for row in rows:
+        assert float(row["share_retest"]) == open_run(two_runs / row["run"]).metrics["share_retest"]
+
+
+def test_markdown_has_a_row_a_run(two_runs):
+    header, rule, *rows = compare(two_runs, "--format", "md").splitlines()
+    assert header.startswith("| run ")
+    assert set(rule) <= set("|-:")
+    assert [row.split("|")[1].strip() for row in rows] == ["a", "b"]
+    assert {line.count("|") for line in (header, rule, *rows)} == {header.count("|")}
+
+
+def test_latex_is_a_booktabs_table_of_the_columns_that_are_asked_for(two_runs):
+    columns = "gamma,omega,nodes,share_assigned"
+    first, *lines, last = compare(two_runs, "--format", "latex", "--columns", columns).splitlines()
+    assert (first, last) == (r"\begin{tabular}{lllrr}", r"\end{tabular}")
+    assert lines[1] == r"run & gamma & omega & nodes & share\_assigned \\"
+    metrics = open_run(two_runs / "b").metrics
+    assert lines[4] == rf"b & 20.0 & 3.5 & {metrics['nodes']} & {metrics['share_assigned']:.4f} \\"
+
+
+def test_latex_signs_are_escaped_and_a_minus_is_one():
+    table = pl.DataFrame({"run": ["50 %_&"], "silhouette": [-0.5]})
+    assert list(_latex(table))[4] == r"50 \%\_\& & $-0.5000$ \\"
+
+
+def test_json_is_the_same_by_either_name(two_runs):
+    content = compare(two_runs, "--json")
+    assert compare(two_runs, "--format", "json") == content
+    assert [run["run"] for run in json.loads(content)["runs"]] == ["a", "b"]
+
+
+def test_a_single_run_makes_a_table_too(two_runs):
+    result = in_process("compare", "a", cwd=two_runs)
+    assert result.stdout.startswith("run  ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["a", "b", "--columns", "silhuette"], ["silhuette", "did you mean silhouette"]),
+        (["a", "b", "--format", "html"], ["--format", "html"]),
+        (["a", "nothing"], ["nothing is not a run folder"]),
+        ([], ["RUN"]),
+    ],
+)
+def test_every_slip_gets_one_line_and_exit_code_2(two_runs, arguments, words):
+    fails(in_process("compare", *arguments, cwd=two_runs), 2, *words)

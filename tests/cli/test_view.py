@@ -1,0 +1,60 @@
+"""``omnieval view`` opens one run or several in one viewer; what starts the viewer is put aside here."""
+
+from pathlib import Path
+
+import pytest
+
+from omnieval.recording import view as viewer
+from omnieval.recording.view import check_recording
+from tests.cli.test_cli import SMALL, fails, in_process
+
+
+@pytest.fixture
+def opened(monkeypatch, tmp_path):
+    """The recordings that the viewer would have been given."""
+    given: list[Path] = []
+    monkeypatch.setattr(viewer, "open_viewer", given.extend)
+    monkeypatch.setenv("OMNIEVAL_CACHE", str(tmp_path / "cache"))
+    return given
+
+
+@pytest.fixture(scope="module")
+def recorded(two_runs, panoramas):
+    """Run c, as b but with a recording."""
+    arguments = ("--set", "gamma=20", "--no-images", "--out", "c")
+    assert in_process("replay", f"folder:{panoramas}", *SMALL, *arguments, cwd=two_runs).returncode == 0
+    return two_runs
+
+
+def test_one_run_is_opened_by_itself(two_runs, opened):
+    result = in_process("view", "a", cwd=two_runs)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert opened == [Path("a/replay.rrd")]
+
+
+def test_two_runs_are_opened_together_and_side_by_side(recorded, opened, tmp_path):
+    result = in_process("view", "a", "c", cwd=recorded)
+    assert result.returncode == 0
+    assert "3 recordings: switch with" in result.stderr
+    assert opened == [Path("a/replay.rrd"), Path("c/replay.rrd"), tmp_path / "cache" / "side-by-side.rrd"]
+    assert check_recording(opened[-1]) == 80
+
+
+def test_recordings_are_opened_as_well(recorded, opened):
+    assert in_process("view", "a/replay.rrd", "c", cwd=recorded).returncode == 0
+    assert opened == [Path("a/replay.rrd"), Path("c/replay.rrd")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["b"], ["b has no recording", "omnieval render b"]),
+        (["a", "b"], ["b has no recording", "omnieval render b"]),
+        (["nothing"], ["nothing is not a run folder"]),
+        (["nothing.rrd"], ["no recording at nothing.rrd"]),
+        ([], ["RUN"]),
+    ],
+)
+def test_every_slip_gets_one_line_and_opens_nothing(two_runs, opened, arguments, words):
+    fails(in_process("view", *arguments, cwd=two_runs), 2, *words)
+    assert opened == []
