@@ -19,6 +19,8 @@ from omnieval.config import Config, Setting, parameters, resolve
 from omnieval.errors import ConfigError
 from omnieval.mapping.config import MapperConfig
 
+THRESHOLDS = ("omega", "merge_y", "gamma")
+"""Parameters that numbers are compared with, so that an interval of their values falls into pieces."""
 MOST_VALUES = 1000
 """Values of one range; more is a slip of the step."""
 _ROUNDING = Decimal("1e-9")
@@ -32,6 +34,20 @@ class Axis:
     name: str
     values: tuple[Any, ...]
     origin: str
+
+
+@dataclass(frozen=True)
+class Span:
+    """All values of a parameter from `first` to `last`."""
+
+    name: str
+    first: float
+    last: float
+
+    @property
+    def origin(self) -> str:
+        """Where it was said."""
+        return f"--exact {self.name}={self.first:g}:{self.last:g}"
 
 
 EXPERIMENTS: dict[str, dict[str, str]] = {
@@ -53,6 +69,29 @@ def parse_axis(text: str) -> Axis:
     if not separator or not name.strip():
         raise ConfigError(f"--vary {text!r}: expected NAME=VALUES, for example --vary omega=1.7:2.3:0.15")
     return make_axis(name.strip(), values, f"--vary {text}")
+
+
+def parse_span(text: str) -> Span:
+    """Read ``NAME=FIRST:LAST`` as given to ``--exact``.
+
+    Raises
+    ------
+    ConfigError
+        If it is not understood, or the parameter is none whose values part an interval.
+    """
+    name, separator, values = text.partition("=")
+    name = name.strip().removeprefix("mapper.")
+    try:
+        first, last = map(float, values.split(":"))
+    except ValueError:
+        separator = ""
+    if not separator:
+        raise ConfigError(f"--exact {text!r}: expected NAME=FIRST:LAST, for example --exact merge_y=0.5:3")
+    if name not in THRESHOLDS:
+        raise ConfigError(f"--exact {text!r}: only {', '.join(THRESHOLDS)} are thresholds; vary {name} with --vary")
+    if not first < last:
+        raise ConfigError(f"--exact {text!r}: the first value must be below the last")
+    return Span(name, first, last)
 
 
 def read_axes(path: Path) -> list[Axis]:
@@ -102,16 +141,25 @@ def preset_axes(axes: Sequence[Axis], experiment: Mapping[str, str], name: str) 
     return [*ours, *asked.values()]
 
 
-def configurations(axes: Sequence[Axis], settings: Sequence[Setting] = (), preset: str | None = None) -> list[Config]:
+def configurations(
+    axes: Sequence[Axis],
+    settings: Sequence[Setting] = (),
+    preset: str | None = None,
+    *,
+    exact: Span | None = None,
+) -> list[Config]:
     """Return the configuration of every point of the grid, the last axis varying fastest.
+
+    With `exact`, its parameter has its first value in all of them.
 
     Raises
     ------
     ConfigError
         One line with every fault of the axes, the settings and the preset.
     """
-    faults = [*_clashes(axes, settings), *_faults(settings, preset)]
-    for axis in axes:
+    spanned = [] if exact is None else [Axis(exact.name, (exact.first, exact.last), exact.origin)]
+    faults = [*_clashes([*axes, *spanned], settings), *_faults(settings, preset)]
+    for axis in (*axes, *spanned):
         # Values of a name that is unknown share one fault.
         faults += dict.fromkeys(
             fault for value in axis.values for fault in _faults([Setting(axis.name, value, axis.origin)], None)
@@ -119,6 +167,7 @@ def configurations(axes: Sequence[Axis], settings: Sequence[Setting] = (), prese
     if faults:
         raise ConfigError("; ".join(faults))
     points = itertools.product(*([Setting(axis.name, value, axis.origin) for value in axis.values] for axis in axes))
+    settings = [*settings, *(Setting(axis.name, axis.values[0], axis.origin) for axis in spanned)]
     configs = [resolve([*settings, *point], preset=preset) for point in points]
     twice = [axis for axis in axes if len({value_of(config, axis.name) for config in configs}) < len(axis.values)]
     if twice:

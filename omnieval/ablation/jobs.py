@@ -1,8 +1,7 @@
-"""One job of an ablation: described images and a configuration in, one row of `schemas.ABLATION` out."""
+"""The jobs of an ablation, and the images they are run on, described once for all."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,26 +9,22 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
-from omnieval.ablation.grid import flattened
+from omnieval.ablation.grid import Span, flattened
 from omnieval.baselines.similarity import similarity_matrix
 from omnieval.baselines.spectral import spectral_embedding
 from omnieval.config import Config
 from omnieval.datasets.sequence import Frame, Sequence
 from omnieval.descriptors.description import Description
-from omnieval.mapping.mapper import Mapper
-from omnieval.mapping.step import Step
 from omnieval.material import Material
 from omnieval.metrics.evaluation import evaluate
-from omnieval.results.atomic import replacing, write_table
+from omnieval.results.atomic import replacing
 from omnieval.results.provenance import dataset_fingerprint
-from omnieval.results.tables import step_row, steps_frame, with_final_map
 
 
 @dataclass(frozen=True)
 class Job:
-    """One point of the grid.
+    """One point of the grid, or one interval of it.
 
     Attributes
     ----------
@@ -39,11 +34,14 @@ class Job:
         The images.
     config
         The parameters.
+    span
+        The parameter that takes all values of an interval, and the first and the last of them; None for a point.
     """
 
     number: int
     sequence: Sequence
     config: Config
+    span: Span | None = None
 
     @property
     def origin(self) -> dict[str, Any]:
@@ -115,44 +113,6 @@ def describe(material: Material, folder: Path) -> Described:
     return Described(material.frames, material.positions, folder, fingerprint)
 
 
-def run_job(job: Job, described: Described, steps_file: Path | None) -> dict[str, Any]:
-    """Map the images in memory and return the row, all but `batch_silhouette`.
-
-    Parameters
-    ----------
-    job
-        What to run.
-    described
-        Its images.
-    steps_file
-        Where to keep the decision trace (`schemas.STEPS`); None keeps none.
-    """
-    with threadpool_limits(1):  # so that nothing depends on how many jobs run beside this one
-        return _run(job, described, steps_file)
-
-
-def _run(job: Job, described: Described, steps_file: Path | None) -> dict[str, Any]:
-    started = time.perf_counter()
-    mapper = Mapper(job.config.mapper)
-    rows: list[dict[str, Any]] = []
-    smallest: Step | None = None
-    for frame, description in zip(described.frames, described.descriptions(), strict=True):
-        before = time.perf_counter()
-        step = mapper.step(description)
-        milliseconds = 1e3 * (time.perf_counter() - before)
-        if steps_file:
-            rows.append(step_row(step, frame, milliseconds))
-        if step.margin and (smallest is None or smallest.margin is None or step.margin.value < smallest.margin.value):
-            smallest = step
-    final = mapper.finish()
-    seed = job.config.mapper.seed
-    evaluation = evaluate(final.labels, final.placements, described.positions, rooms=described.rooms, seed=seed)
-    seconds = time.perf_counter() - started
-    if steps_file:
-        write_table(with_final_map(steps_frame(rows), final), steps_file)
-    return job.origin | evaluation.metrics | _margin(smallest) | {"seconds": seconds, "error": None}
-
-
 def failed_row(job: Job, error: BaseException) -> dict[str, Any]:
     """Return the row of a job that ended in an error."""
     return job.origin | {"error": " ".join(f"{type(error).__name__}: {error}".split())}
@@ -173,13 +133,3 @@ def batch_silhouettes(described: Described, ks: list[int], seed: int) -> dict[in
         evaluation = evaluate(labels, None, described.positions, rooms=None, seed=seed)
         silhouettes[k] = evaluation.metrics["silhouette"]
     return silhouettes
-
-
-def _margin(step: Step | None) -> dict[str, Any]:
-    if step is None or step.margin is None:
-        return {}
-    return {
-        "smallest_margin": step.margin.value,
-        "smallest_margin_frame": step.frame,
-        "smallest_margin_gate": step.margin.gate,
-    }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omnieval.ablation.grid import Axis, configurations, flattened, value_of
+from omnieval.ablation.grid import Axis, Span, configurations, flattened, value_of
 from omnieval.ablation.jobs import Job
 from omnieval.config import Config, Setting
 from omnieval.datasets import Sequence as ImageSequence
@@ -28,11 +28,14 @@ class Plan:
         Names of the parameters that are varied.
     grid
         What determines the jobs, as plain JSON values: sources, cut, axes with their values, and the other parameters.
+    exact
+        The parameter that takes all values of an interval in every job; None for a grid of points.
     """
 
     jobs: tuple[Job, ...]
     varied: tuple[str, ...]
     grid: dict[str, Any]
+    exact: Span | None = None
 
 
 def make_plan(
@@ -40,6 +43,7 @@ def make_plan(
     axes: Sequence[Axis],
     settings: Sequence[Setting] = (),
     *,
+    exact: Span | None = None,
     preset: str | None = None,
     start: int = 0,
     stride: int = 1,
@@ -64,7 +68,7 @@ def make_plan(
             faults.append(error)
     configs: list[Config] = []
     try:
-        configs = configurations(axes, settings, preset)
+        configs = configurations(axes, settings, preset, exact=exact)
     except ConfigError as error:
         faults.append(error)
     faults += [ConfigError(fault) for fault in [*_twice(sequences), *_too_short(sequences, configs)]]
@@ -74,19 +78,23 @@ def make_plan(
     numbered = enumerate((sequence, config) for sequence in sequences for config in configs)
     varied = tuple(axis.name for axis in axes)
     return Plan(
-        tuple(Job(number, sequence, config) for number, (sequence, config) in numbered),
+        tuple(Job(number, sequence, config, exact) for number, (sequence, config) in numbered),
         varied,
-        _grid(sequences, configs, varied),
+        _grid(sequences, configs, varied, exact),
+        exact,
     )
 
 
-def _grid(sequences: Sequence[ImageSequence], configs: Sequence[Config], varied: Sequence[str]) -> dict[str, Any]:
+def _grid(
+    sequences: Sequence[ImageSequence], configs: Sequence[Config], varied: Sequence[str], exact: Span | None
+) -> dict[str, Any]:
     fixed = {name: value for name, value in flattened(configs[0]).items() if name not in varied}
     grid = {
         "sources": [sequence.source for sequence in sequences],
         "cuts": [list(sequence.cut_from) for sequence in sequences],
         "axes": {name: list(dict.fromkeys(value_of(config, name) for config in configs)) for name in varied},
         "parameters": fixed,
+        "exact": [exact.name, exact.first, exact.last] if exact else None,
     }
     plain: dict[str, Any] = json.loads(json.dumps(grid))
     return plain

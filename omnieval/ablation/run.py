@@ -6,7 +6,7 @@ import json
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +14,12 @@ from typing import Any, ClassVar, TypedDict, Unpack
 
 import polars as pl
 
-from omnieval.ablation.grid import make_axis
-from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, failed_row, run_job
+from omnieval.ablation.grid import make_axis, parse_span
+from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, failed_row
 from omnieval.ablation.plan import Plan, make_plan
 from omnieval.ablation.pool import workers
-from omnieval.ablation.store import Store, rows_table
+from omnieval.ablation.store import KIND, Store, rows_table
+from omnieval.ablation.tree import grow, plant
 from omnieval.config import Setting
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.descriptors.cache import DescriptorCache
@@ -26,6 +27,7 @@ from omnieval.errors import ConfigError, OmnievalError
 from omnieval.loop import replay
 from omnieval.material import image_material
 from omnieval.recording.records import RecordingOptions
+from omnieval.results.content import content_hash
 from omnieval.results.manifest import Manifest
 from omnieval.results.provenance import code_digest, versions
 from omnieval.results.run_folder import free_folder
@@ -78,6 +80,7 @@ def ablate(
     vary: Mapping[str, Any] | None = None,
     *,
     settings: Mapping[str, Any] | None = None,
+    exact: str | None = None,
     preset: str | None = None,
     **options: Unpack[Options],
 ) -> pl.DataFrame:
@@ -91,6 +94,8 @@ def ablate(
         Values by parameter: a list, or text such as ``"1.7:2.3:0.15"`` or ``"hog,gist"``.
     settings
         Parameters that are the same in all runs.
+    exact
+        An interval of a parameter, such as ``"merge_y=0.5:3"``: one row for every piece on which the map is the same.
     preset
         Named parameters, ``recommended`` or ``paper-literal``.
     **options
@@ -103,7 +108,8 @@ def ablate(
     several = [sources] if isinstance(sources, str | Path | ImageSequence) else list(sources)
     axes = [make_axis(name, values, "vary") for name, values in (vary or {}).items()]
     fixed = [Setting(name, value, "settings") for name, value in (settings or {}).items()]
-    return run_plan(make_plan(several, axes, fixed, preset=preset), **options).table
+    span = parse_span(exact) if exact else None
+    return run_plan(make_plan(several, axes, fixed, exact=span, preset=preset), **options).table
 
 
 def run_plan(
@@ -157,6 +163,8 @@ def run_plan(
     """
     if jobs < 1:
         raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
+    if plan.exact and (keep_steps or record_best):
+        raise ConfigError("--exact makes no single runs, so there is none to record and no decision trace to keep")
     if resume and (out is None or overwrite):
         raise ConfigError("--resume goes on with the ablation in --out; name it, and leave --overwrite out")
     store = Store(out or free_folder(RUNS, "ablation"))
@@ -229,45 +237,57 @@ class _Work:
 
     def run(self, pool: Executor, described: Mapping[str, Described]) -> None:
         """Run what is not done yet and keep each row as it comes."""
-        done = {number for number, row in self.store.rows().items() if row.get("error") is None}
+        done = _done(self.store.parts())
         waiting = [job for job in self.plan.jobs if job.number not in done]
-        count = len(self.plan.jobs)
+        trees = plant(waiting, [dataset_key(job) for job in waiting], self.processes)
         futures = {
-            pool.submit(run_job, job, described[dataset_key(job)], self._steps_file(job)): job for job in waiting
+            pool.submit(grow, tree, described[dataset_key(tree[0])], self._steps_files(tree)): tree for tree in trees
         }
-        for ended, future in enumerate(as_completed(futures), start=count - len(waiting) + 1):
-            job, error = futures[future], future.exception()
-            if isinstance(error, BrokenExecutor):
-                raise OmnievalError(
-                    "a worker process was killed, perhaps for want of memory; --resume with fewer --jobs"
-                )
-            row = failed_row(job, error) if error else future.result()
-            self.store.add(row)
-            if error and self.fail_fast:
-                message = f"job {job.number} of {job.sequence.name} failed: {row['error']}; run it again with --resume"
-                raise JobFailedError(message)
-            if self.progress:
-                self.progress(ended, count)
+        ended = len(self.plan.jobs) - len(waiting)
+        for future in as_completed(futures):
+            for job, rows in _by_job(futures[future], future):
+                self.store.add(job.number, rows)
+                error = rows[0].get("error")
+                if error and self.fail_fast:
+                    message = f"job {job.number} of {job.sequence.name} failed: {error}; run it again with --resume"
+                    raise JobFailedError(message)
+                ended += 1
+                if self.progress:
+                    self.progress(ended, len(self.plan.jobs))
 
     def table(self, pool: Executor, described: Mapping[str, Described]) -> pl.DataFrame:
         """Return all rows, each beside batch clustering with as many clusters as its map has nodes."""
         rows = self.store.rows()
         shared: dict[tuple[str, int], set[int]] = {}
-        of_row = {job.number: (dataset_key(job), job.config.mapper.seed) for job in self.plan.jobs}
-        for number, row in rows.items():
+        of_job = {job.number: (dataset_key(job), job.config.mapper.seed) for job in self.plan.jobs}
+        for row in rows:
             if row.get("nodes"):
-                shared.setdefault(of_row[number], set()).add(row["nodes"])
+                shared.setdefault(of_job[row["job"]], set()).add(row["nodes"])
         futures = {
             key: pool.submit(batch_silhouettes, described[key[0]], sorted(ks), key[1]) for key, ks in shared.items()
         }
         batch = {key: future.result() for key, future in futures.items()}
         return rows_table(
-            {**row, "batch_silhouette": batch[of_row[number]][row["nodes"]] if row.get("nodes") else None}
-            for number, row in rows.items()
+            {**row, "batch_silhouette": batch[of_job[row["job"]]][row["nodes"]] if row.get("nodes") else None}
+            for row in rows
         )
 
-    def _steps_file(self, job: Job) -> Path | None:
-        return self.store.steps_file(job.number) if self.keep_steps else None
+    def _steps_files(self, tree: Sequence[Job]) -> dict[int, Path]:
+        return {job.number: self.store.steps_file(job.number) for job in tree if self.keep_steps}
+
+
+def _by_job(tree: Sequence[Job], future: Future[list[dict[str, Any]]]) -> list[tuple[Job, list[dict[str, Any]]]]:
+    """Return the rows of each job of a tree that has ended."""
+    error = future.exception()
+    if isinstance(error, BrokenExecutor):
+        raise OmnievalError("a worker process was killed, perhaps for want of memory; --resume with fewer --jobs")
+    rows = [failed_row(job, error) for job in tree] if error else future.result()
+    return [(job, [row for row in rows if row["job"] == job.number]) for job in tree]
+
+
+def _done(parts: Mapping[int, Sequence[Mapping[str, Any]]]) -> set[int]:
+    """Return the jobs that need not be run again."""
+    return {number for number, rows in parts.items() if all(row.get("error") is None for row in rows)}
 
 
 def _finish(
@@ -289,6 +309,7 @@ def _finish(
         {
             "jobs": len(table),
             "failed_jobs": ablation.failed,
+            "content_hashes": {KIND: content_hash(table)},
             "timings": {"seconds": time.perf_counter() - started, "processes": work.processes},
         }
     )
@@ -321,11 +342,12 @@ def job_states(plan: Plan, out: Path | None, *, keep_steps: bool) -> Sequence[tu
     if store is None or not store.exists():
         return [(job, "not started") for job in plan.jobs]
     store.check(guard_of(plan, keep_steps=keep_steps))
-    rows = store.rows()
-    return [(job, _state(rows.get(job.number))) for job in plan.jobs]
+    parts = store.parts()
+    return [(job, _state(parts.get(job.number))) for job in plan.jobs]
 
 
-def _state(row: Mapping[str, Any] | None) -> str:
-    if row is None:
+def _state(rows: Sequence[Mapping[str, Any]] | None) -> str:
+    if rows is None:
         return "not started"
-    return "done" if row.get("error") is None else f"failed, will run again: {row['error']}"
+    error = next((row["error"] for row in rows if row.get("error")), None)
+    return f"failed, will run again: {error}" if error else "done"

@@ -1,7 +1,7 @@
 """The folder of an ablation, safe to append to and to resume.
 
 run.json             grid, dataset fingerprints, code, versions, status
-parts/00012.json     the row of job 12, there as soon as it has ended and always whole
+parts/00012.json     the rows of job 12 (one; of an interval one a piece), there as soon as it has ended, always whole
 steps/00012.parquet  its decision trace, if asked for
 ablation.parquet     all rows in the order of the grid, when all jobs have ended
 ablation.csv         the same, if asked for
@@ -11,7 +11,7 @@ best/                the run folder of the best run, if asked for
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ import polars as pl
 from omnieval.errors import ResultError
 from omnieval.results.atomic import replacing, write_json, write_table
 from omnieval.results.compare import differing
-from omnieval.results.manifest import MANIFEST, Manifest, read_manifest, status_of
+from omnieval.results.manifest import MANIFEST, Manifest, read_manifest, refuse_running
 from omnieval.results.schemas import ABLATION
 
 KIND = "ablation"
@@ -64,10 +64,7 @@ class Store:
             If there is none, it is still running, or anything differs; the message names it.
         """
         earlier = read_manifest(self.folder, KIND)
-        if status_of(earlier) == "running":
-            raise ResultError(
-                f"{self.folder} is still being written by process {earlier['process']['pid']}; wait for it"
-            )
+        refuse_running(self.folder, earlier)
         before = dict(_flat({name: earlier[name] for name in content if name in earlier}))
         now = dict(_flat({name: value for name, value in content.items() if name in earlier}))
         if changed := differing(before, now):
@@ -77,20 +74,24 @@ class Store:
     def resume(self, content: dict[str, Any]) -> Manifest:
         """Go on with the ablation in the folder, which `check` has found to be the same."""
         self._make(_PARTS)
-        return Manifest(self.folder, KIND, content, files=[TABLE, CSV], overwrite=True)
+        return Manifest.reopen(self.folder, KIND, content, files=[TABLE, CSV])
 
     def exists(self) -> bool:
         """Whether the folder holds a folder of results."""
         return (self.folder / MANIFEST).exists()
 
-    def add(self, row: dict[str, Any]) -> None:
-        """Keep the row of a job; it is on disk when this returns."""
-        write_json(row, self.folder / _PARTS / f"{row['job']:05d}.json")
+    def add(self, job: int, rows: Sequence[dict[str, Any]]) -> None:
+        """Keep the rows of a job; they are on disk when this returns."""
+        write_json({"job": job, "rows": rows}, self.folder / _PARTS / f"{job:05d}.json")
 
-    def rows(self) -> dict[int, dict[str, Any]]:
-        """Return the rows so far by their job; a damaged one counts as missing."""
-        found = (_read(path) for path in sorted((self.folder / _PARTS).glob("*.json")))
-        return {row["job"]: row for row in found if row is not None}
+    def parts(self) -> dict[int, list[dict[str, Any]]]:
+        """Return the rows so far by their job; damaged ones count as missing."""
+        found = ((path, _read(path)) for path in sorted((self.folder / _PARTS).glob("*.json")))
+        return {int(path.stem): rows for path, rows in found if rows}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the rows so far."""
+        return [row for rows in self.parts().values() for row in rows]
 
     def steps_file(self, job: int) -> Path:
         """Where the decision trace of a job is kept."""
@@ -118,16 +119,24 @@ class Store:
 def rows_table(rows: Iterable[Mapping[str, Any]]) -> pl.DataFrame:
     """Return rows as a table (`schemas.ABLATION`) in the order of the grid; what a row lacks is null."""
     whole = [dict.fromkeys(ABLATION) | dict(row) for row in rows]
-    return pl.DataFrame(whole, schema=ABLATION).sort("job")
+    return pl.DataFrame(whole, schema=ABLATION).sort("job", "exact_from")
 
 
-def _read(path: Path) -> dict[str, Any] | None:
+def _read(path: Path) -> list[dict[str, Any]] | None:
     try:
-        row = json.loads(path.read_text("utf-8"))
+        part = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
         return None
-    ours = isinstance(row, dict) and row.keys() <= set(ABLATION) and path.stem == str(row.get("job")).zfill(5)
-    return row if ours else None
+    if (
+        not isinstance(part, dict)
+        or path.stem != str(part.get("job")).zfill(5)
+        or not isinstance(part.get("rows"), list)
+    ):
+        return None
+    rows = part.get("rows")
+    if not isinstance(rows, list) or not all(isinstance(row, dict) and row.keys() <= set(ABLATION) for row in rows):
+        return None
+    return rows
 
 
 def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

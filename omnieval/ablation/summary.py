@@ -1,4 +1,4 @@
-"""What a sweep comes to: the best and the median run of each sequence and descriptor."""
+"""What a sweep comes to: the best and the median run of each sequence and descriptor, or the pieces of an interval."""
 
 from __future__ import annotations
 
@@ -43,3 +43,18 @@ def best_and_median(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
         .sort("first_job")
         .drop("source", "first_job")
     )
+
+
+def pieces(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
+    """Return the pieces of the intervals of an exact sweep: from, up to, and what the map is there.
+
+    Parameters
+    ----------
+    table
+        Rows of `schemas.ABLATION` with `exact`.
+    varied
+        The parameters that are varied besides.
+    """
+    named = [name for name in varied if name != "descriptor"]
+    shown = ("exact", "exact_from", "exact_to", "nodes", "silhouette", "share_assigned", "share_forced")
+    return table.select("dataset", "descriptor", *named, *shown, "batch_silhouette")

@@ -33,6 +33,15 @@ def ablate(
         list[Path] | None,
         typer.Option("--axes", help="TOML file of axes, NAME = [..] or 'a:b:step'; repeatable.", metavar="FILE.toml"),
     ] = None,
+    exact: Annotated[
+        str | None,
+        typer.Option(
+            "--exact",
+            help="All values of omega, merge_y or gamma in an interval, e.g. merge_y=0.5:3: one row for every piece on "
+            "which the map is the same.",
+            metavar="NAME=FIRST:LAST",
+        ),
+    ] = None,
     descriptor: Annotated[str | None, typer.Option("--descriptor", help="Descriptor, or several: hog,gist.")] = None,
     set_: options.Set = None,
     config: options.ConfigFile = None,
@@ -76,6 +85,8 @@ def ablate(
 
       omnieval ablate synthetic synthetic:night --descriptor hog,gist --vary n_new=10:50:10 --out runs/n-new
 
+      omnieval ablate synthetic --exact merge_y=0.5:3
+
       omnieval ablate cold:/data/seq2_cloudy3 --preset figures-9-10 --out runs/freiburg --resume
     """
     from omnieval.ablation.run import run_plan
@@ -84,7 +95,7 @@ def ablate(
 
     if rrd not in {None, "best"}:
         raise ConfigError(f"--rrd {rrd!r}: only best can be recorded")
-    plan = _plan(sources, vary, axes, descriptor, set_, config, preset, start, stride, limit)
+    plan = _plan(sources, vary, axes, exact, descriptor, set_, config, preset, start, stride, limit)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)
         return
@@ -110,6 +121,7 @@ def _plan(
     sources: Sequence[str] | None,
     vary: Sequence[str] | None,
     files: Sequence[Path] | None,
+    exact: str | None,
     descriptor: str | None,
     set_: Sequence[str] | None,
     configs: Sequence[Path] | None,
@@ -119,7 +131,7 @@ def _plan(
     limit: int | None,
 ) -> Plan:
     """Return the plan the options ask for."""
-    from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, preset_axes, read_axes
+    from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, parse_span, preset_axes, read_axes
     from omnieval.ablation.plan import make_plan
     from omnieval.config import parse_assignment, read_settings
 
@@ -131,7 +143,8 @@ def _plan(
         axes = preset_axes(axes, EXPERIMENTS[experiment], experiment)
     settings = [setting for file in configs or () for setting in read_settings(file)]
     settings += [parse_assignment(text) for text in set_ or ()]
-    return make_plan(sources or (), axes, settings, preset=named, start=start, stride=stride, limit=limit)
+    span = parse_span(exact) if exact else None
+    return make_plan(sources or (), axes, settings, exact=span, preset=named, start=start, stride=stride, limit=limit)
 
 
 def _presets(names: Sequence[str]) -> tuple[str | None, str | None]:
@@ -177,10 +190,10 @@ def _print_jobs(plan: Plan, out: Path | None, *, keep_steps: bool, json: bool) -
 
 def _print(ablation: Ablation, plan: Plan, *, json: bool) -> None:
     """Print what an ablation came to."""
-    from omnieval.ablation.summary import best_and_median
+    from omnieval.ablation.summary import best_and_median, pieces
     from omnieval.cli.console import note, print_json, print_table
 
-    summary = best_and_median(ablation.table, plan.varied)
+    summary = pieces(ablation.table, plan.varied) if plan.exact else best_and_median(ablation.table, plan.varied)
     if json:
         print_json({"ablation": str(ablation.folder), "summary": summary.to_dicts(), "rows": ablation.table.to_dicts()})
     else:

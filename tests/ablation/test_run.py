@@ -176,7 +176,7 @@ def test_nothing_is_replaced_unasked(small, panoramas, tmp_path):
         run_plan(plan, out=small)
     assert len(run_plan(plan, out=small, overwrite=True).table) == 1
     assert [path.name for path in (small / "parts").iterdir()] == ["00000.json"]
-    with pytest.raises(ResultError, match="not a run folder"):
+    with pytest.raises(ResultError, match="not an ablation folder"):
         run_plan(plan, out=tmp_path / "none", resume=True)
     with pytest.raises(ConfigError, match="--resume"):
         run_plan(plan, resume=True)

@@ -1,0 +1,193 @@
+"""Jobs that map the same images are run as one tree: what they have in common is computed once (`mapping.sweep`).
+
+Every row is that of an independent replay, to the bit, but for its seconds.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from omnieval.ablation.jobs import Described, Job, failed_row
+from omnieval.errors import ResultError
+from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.journal import smallest_margin
+from omnieval.mapping.step import FinalMap, Margin, Step
+from omnieval.mapping.sweep import SHARED, Interval, Outcome, Points, Sweep, seen_by
+from omnieval.metrics.evaluation import Evaluation, evaluate
+from omnieval.results.atomic import write_table
+from omnieval.results.tables import step_row, steps_frame, with_final_map
+
+LARGEST = 64
+"""Jobs of one tree, so that a kill loses no more than these; sharing among more saves little."""
+
+
+def plant(jobs: Sequence[Job], keys: Sequence[str], processes: int) -> list[list[Job]]:
+    """Divide jobs into trees, at least one a process where there are as many jobs.
+
+    Parameters
+    ----------
+    jobs
+        In the order of the grid.
+    keys
+        What the descriptions of each job's images depend on; jobs of one tree have equal keys.
+    processes
+        How many trees are grown at a time.
+    """
+    families: dict[Any, list[Job]] = {}
+    for job, key in zip(jobs, keys, strict=True):
+        own = job.number if job.span else None
+        families.setdefault((key, job.config.mapper.model_copy(update=dict.fromkeys(SHARED)), own), []).append(job)
+    pieces = math.ceil(processes / max(1, len(families)))
+    return [
+        list(tree)
+        for family in families.values()
+        for tree in np.array_split(np.array(family, object), max(min(pieces, len(family)), -(-len(family) // LARGEST)))
+    ]
+
+
+def grow(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, Path]) -> list[dict[str, Any]]:
+    """Run the jobs of one tree and return their rows, all but `batch_silhouette`; a job that fails has its error.
+
+    Parameters
+    ----------
+    jobs
+        What to run.
+    described
+        Their images.
+    steps_files
+        Where to keep decision traces (`schemas.STEPS`), by job.
+    """
+    with threadpool_limits(1):  # so that nothing depends on how many jobs run beside this one
+        try:
+            return list(_rows(jobs, described, steps_files))
+        except Exception as error:
+            if len(jobs) == 1:
+                return [failed_row(jobs[0], error)]
+    # What failed is found by running them one by one.
+    return [row for job in jobs for row in grow([job], described, steps_files)]
+
+
+@dataclass
+class _Traces:
+    """What accumulates of each configuration while a sweep runs."""
+
+    described: Described
+    kept: frozenset[MapperConfig]
+    margins: dict[MapperConfig, tuple[Margin, int]] = field(default_factory=dict)
+    rows: dict[MapperConfig, list[dict[str, Any]]] = field(default_factory=dict)
+
+    def add(self, config: MapperConfig, step: Step, milliseconds: float) -> None:
+        margin = smallest_margin(step.comparisons, config)
+        smallest = self.margins.get(config)
+        if margin and (smallest is None or margin.value < smallest[0].value):
+            self.margins[config] = margin, step.frame
+        if config in self.kept:
+            row = step_row(seen_by(step, config), self.described.frames[step.frame], milliseconds)
+            self.rows.setdefault(config, []).append(row)
+
+    def margin(self, config: MapperConfig) -> dict[str, Any]:
+        if config not in self.margins:
+            return {}
+        margin, frame = self.margins[config]
+        return {
+            "smallest_margin": margin.value,
+            "smallest_margin_frame": frame,
+            "smallest_margin_gate": margin.gate,
+        }
+
+
+def _rows(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, Path]) -> Iterator[dict[str, Any]]:
+    if jobs[0].span:
+        yield from _pieces(jobs[0], described)
+        return
+    of: dict[MapperConfig, list[Job]] = {}
+    for job in jobs:
+        of.setdefault(job.config.mapper, []).append(job)
+    traces = _Traces(described, frozenset(job.config.mapper for job in jobs if job.number in steps_files))
+    sweep = Sweep([Points(tuple(of))])
+    before = time.perf_counter()
+    for taken in sweep.steps(described.descriptions()):
+        milliseconds = 1e3 * (time.perf_counter() - before) / len(taken)
+        for points, step in taken:
+            for config in points.configs:
+                traces.add(config, step, milliseconds)
+        before = time.perf_counter()
+    judged = _Judge(described)
+    for outcome in sweep.finish():
+        for config in outcome.region.configs:
+            metrics, seconds = judged(outcome.final, config.seed)
+            for job in of[config]:
+                row = job.origin | metrics | traces.margin(config)
+                row |= {"seconds": outcome.seconds + seconds, "error": None}
+                yield _kept(job, row, traces.rows.get(config), outcome.final, steps_files.get(job.number))
+
+
+def _kept(
+    job: Job, row: dict[str, Any], steps: list[dict[str, Any]] | None, final: FinalMap, file: Path | None
+) -> dict[str, Any]:
+    """Keep the decision trace of a job, if asked for, and return its row."""
+    if file is None or steps is None:
+        return row
+    try:
+        write_table(with_final_map(steps_frame(steps), final), file)
+    except ResultError as error:
+        return failed_row(job, error)
+    return row
+
+
+def _pieces(job: Job, described: Described) -> Iterator[dict[str, Any]]:
+    """Yield a row for every piece of an interval on which the map is the same."""
+    assert job.span is not None
+    name, first, last = job.span.name, job.span.first, job.span.last
+    sweep = Sweep([Interval(job.config.mapper, name, first, float(np.nextafter(last, np.inf)))])
+    for _ in sweep.steps(described.descriptions()):
+        pass
+    judged = _Judge(described)
+    for outcome, low, high in _joined(sweep.finish()):
+        metrics, seconds = judged(outcome.final, job.config.mapper.seed)
+        yield (
+            job.origin
+            | metrics
+            | {
+                name: low,
+                "exact": name,
+                "exact_from": low,
+                "exact_to": min(high, last),
+                "seconds": outcome.seconds + seconds,
+                "error": None,
+            }
+        )
+
+
+def _joined(outcomes: Iterable[Outcome[Interval]]) -> Iterator[tuple[Outcome[Interval], float, float]]:
+    """Yield the pieces of an interval, neighbours with the same map as one."""
+    ordered = sorted(outcomes, key=lambda outcome: outcome.region.low)
+    for _, group in groupby(ordered, key=lambda outcome: (outcome.final.labels.tolist(), outcome.final.placements)):
+        pieces = list(group)
+        yield pieces[0], pieces[0].region.low, pieces[-1].region.high
+
+
+class _Judge:
+    """Evaluates final maps, equal ones once."""
+
+    def __init__(self, described: Described) -> None:
+        self._described = described
+        self._known: dict[Any, Evaluation] = {}
+
+    def __call__(self, final: FinalMap, seed: int) -> tuple[dict[str, Any], float]:
+        """Return the metrics of a map and the seconds they took."""
+        started = time.perf_counter()
+        key = final.labels.tobytes(), final.placements, seed
+        if key not in self._known:
+            images = self._described
+            self._known[key] = evaluate(final.labels, final.placements, images.positions, rooms=images.rooms, seed=seed)
+        return self._known[key].metrics, time.perf_counter() - started
