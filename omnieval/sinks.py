@@ -6,6 +6,8 @@ Where and when the image was taken, the pictures, the silhouette so far, the pag
 from __future__ import annotations
 
 import uuid
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,9 @@ from omnieval.metrics.running import SilhouetteSoFar
 from omnieval.recording.recorder import Recorder
 from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
 from omnieval.results.summary import configuration_page, metrics_page
+
+_MOST_WAITING = 16
+"""Steps that wait to be recorded at a time; bounds the memory, and what a viewer lags behind."""
 
 
 class RecordingSink:
@@ -50,6 +55,8 @@ class RecordingSink:
         self._page = configuration_page(material.name, material.source, config.mapper.model_dump(mode="json"))
         self._picture_failure: str | None = None
         self._recorder = Recorder(path, _info(material, config, self._page), options)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="recorder")
+        self._waiting: deque[Future[None]] = deque()
 
     @property
     def failure(self) -> str | None:
@@ -57,7 +64,30 @@ class RecordingSink:
         return self._recorder.failure or self._picture_failure
 
     def step(self, step: Step, frame: Frame, milliseconds: float) -> None:
-        """Record a step."""
+        """Record a step, soon: pictures take longer than decisions, and a core may be idle."""
+        self._waiting.append(self._thread.submit(self._record, step, frame, milliseconds))
+        if len(self._waiting) > _MOST_WAITING:
+            self._waiting.popleft().result()
+
+    def finish(self, final: FinalMap, evaluation: Evaluation) -> None:
+        """Record the final map and what it is worth."""
+        self._settle()
+        self._recorder.finish(final, self._page + metrics_page(evaluation))
+
+    def close(self) -> None:
+        """Complete the recording as far as it came."""
+        try:
+            self._settle()
+        finally:
+            self._thread.shutdown()
+            self._recorder.close()
+
+    def _settle(self) -> None:
+        """Wait until every step is recorded."""
+        while self._waiting:
+            self._waiting.popleft().result()
+
+    def _record(self, step: Step, frame: Frame, milliseconds: float) -> None:
         pose = frame.pose
         view = StepView(
             step=step,
@@ -69,14 +99,6 @@ class RecordingSink:
             silhouette=self._silhouette.apply(step) if self._silhouette else None,
         )
         self._recorder.log(view, images=self._images(step))
-
-    def finish(self, final: FinalMap, evaluation: Evaluation) -> None:
-        """Record the final map and what it is worth."""
-        self._recorder.finish(final, self._page + metrics_page(evaluation))
-
-    def close(self) -> None:
-        """Complete the recording as far as it came."""
-        self._recorder.close()
 
     def _images(self, step: Step) -> StepImages | None:
         if self._pictures is None or not self._recorder.wants_images(step.frame):
