@@ -92,7 +92,8 @@ def resolve(settings: Iterable[Setting] = (), *, preset: str | None = None) -> C
     except ValidationError as error:
         raise ConfigError("; ".join(_explain(error, applied))) from error
     if config.descriptor not in DESCRIPTORS:
-        raise ConfigError(f"unknown descriptor {config.descriptor!r}; {did_you_mean(config.descriptor, DESCRIPTORS)}")
+        hint = did_you_mean(config.descriptor, DESCRIPTORS)
+        raise ConfigError(f"unknown descriptor {config.descriptor!r} ({applied['descriptor'].origin}); {hint}")
     return config
 
 
@@ -132,9 +133,11 @@ def read_settings(path: Path) -> list[Setting]:
     """
     try:
         content = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"cannot read configuration {path}: {error}") from error
-    return [Setting(name, value, str(path)) for name, value in _flatten(content, "")]
+        return [Setting(name, value, str(path)) for name, value in _flatten(content, "")]
+    except OSError as error:
+        raise ConfigError(f"cannot read configuration {path}: {error.strerror or error}; check --config") from error
+    except (ValueError, RecursionError) as error:  # not only TOMLDecodeError: a number may have too many digits
+        raise ConfigError(f"cannot read configuration {path}: {error}; correct it to valid TOML in UTF-8") from error
 
 
 def _walk(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, FieldInfo]]:

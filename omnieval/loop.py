@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,15 @@ from numpy.typing import NDArray
 
 from omnieval.config import Config, resolve
 from omnieval.datasets import Sequence, load
+from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.archive import Archive, save_archive
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.describe import DescribedFrame
 from omnieval.descriptors.description import Descriptor
 from omnieval.errors import ConfigError, ResultError
+from omnieval.imaging.soundness import without_bad
 from omnieval.mapping.mapper import Mapper
+from omnieval.mapping.memory import AHEAD, blocks
 from omnieval.mapping.step import Step
 from omnieval.material import Material, archive_material, image_material
 from omnieval.metrics.evaluation import Evaluation, evaluate
@@ -45,6 +48,7 @@ def replay(
     descriptor: Descriptor | None = None,
     out: Path | None = None,
     overwrite: bool = False,
+    skip_bad: bool = False,
     recording: RecordingOptions | None = None,
     progress: Progress | None = None,
 ) -> Run:
@@ -62,6 +66,9 @@ def replay(
         Run folder; default ``runs/<sequence>-<descriptor>[-<n>]``.
     overwrite
         Replace an earlier run in `out`.
+    skip_bad
+        Leave out images that are not fit for use (`imaging.soundness`) and list them in ``run.json``, instead of
+        refusing the sequence.
     recording
         How to record for the Rerun viewer; None records nothing.
     progress
@@ -72,15 +79,16 @@ def replay(
     ConfigError
         If the sequence is shorter than the first node.
     DatasetError
-        If the sequence or one of its images cannot be read.
+        If the sequence cannot be read, or one of its images is not fit for use: before the first step.
     ResultError
         If the run folder cannot be written.
     """
     config = config or resolve()
     sequence = source if isinstance(source, Sequence) else load(source)
+    sequence, left_out = without_bad(sequence) if skip_bad else (sequence, None)
     describing = descriptor or config.make_descriptor()
     with DescriptorCache() as cache:
-        material = image_material(sequence, config, describing, cache)
+        material = image_material(sequence, config, describing, cache, left_out=left_out)
         folder = out or free_folder(RUNS, f"{sequence.name}-{describing.name}")
         return run(material, config, folder, overwrite=overwrite, recording=recording, progress=progress)
 
@@ -111,8 +119,7 @@ def describe_archive(
     progress: Progress | None = None,
 ) -> Archive:
     """Describe a sequence and write the archive; see `replay` and `descriptors.archive`."""
-    if file.exists() and not overwrite:
-        raise ResultError(f"{file} exists; choose another --out or pass --overwrite")
+    _claim_file(file, overwrite=overwrite)
     config = config or resolve()
     describing = descriptor or config.make_descriptor()
     described = []
@@ -129,6 +136,18 @@ def describe_archive(
     with replacing(file) as temporary:
         save_archive(temporary, archive.frames, archive.position, archive.orientation)
     return archive
+
+
+def _claim_file(file: Path, *, overwrite: bool) -> None:
+    """Refuse a file that cannot or must not be written, before the work of filling it is done."""
+    try:
+        occupied = file.is_dir() or (file.exists() and not overwrite)
+    except OSError as error:
+        raise ResultError(f"cannot write {file}: {error.strerror or error}; choose another --out") from error
+    if occupied:
+        raise ResultError(f"{file} exists; choose another --out or pass --overwrite")
+    if not file.parent.is_dir():
+        raise ResultError(f"cannot write {file}: there is no folder {file.parent}; make it or choose another --out")
 
 
 def run(
@@ -191,10 +210,7 @@ def _run(
     started = time.perf_counter()
     mapper = Mapper(config.mapper)
     trace = _Trace()
-    for frame, described in zip(material.frames, material.described, strict=True):
-        before = time.perf_counter()
-        step = mapper.step(described.description)
-        milliseconds = 1e3 * (time.perf_counter() - before)
+    for frame, described, step, milliseconds in _steps(mapper, material):
         trace.add(described, step, milliseconds)
         writer.step(step_row(step, frame, milliseconds))
         if sink:
@@ -218,6 +234,18 @@ def _run(
     sink.finish(final, evaluation)
     sink.close()
     return writer.annotate({"recording_failure": sink.failure})
+
+
+def _steps(mapper: Mapper, material: Material) -> Iterator[tuple[Frame, DescribedFrame, Step, float]]:
+    """Yield every frame with its step and the time it took, in milliseconds."""
+    for block in blocks(zip(material.frames, material.described, strict=True), AHEAD):
+        before = time.perf_counter()
+        mapper.expect([described.description for _, described in block])
+        ahead = (time.perf_counter() - before) / max(1, len(block))
+        for frame, described in block:
+            before = time.perf_counter()
+            step = mapper.step(described.description)
+            yield frame, described, step, 1e3 * (time.perf_counter() - before + ahead)
 
 
 def _manifest(material: Material, config: Config) -> dict[str, Any]:

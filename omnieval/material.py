@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.config import Config
+from omnieval.datasets.scan import FARTHEST_M
 from omnieval.datasets.sequence import Frame, Sequence
 from omnieval.descriptors.archive import load_archive
 from omnieval.descriptors.cache import DescriptorCache
@@ -20,6 +22,7 @@ from omnieval.descriptors.describe import DescribedFrame, Describer
 from omnieval.descriptors.description import Description, Descriptor
 from omnieval.imaging.camera import resolve_camera
 from omnieval.imaging.pictures import Pictures
+from omnieval.imaging.soundness import BadImage, refuse_bad
 
 ARCHIVE_SCHEME = "npz:"
 """How the source of an archive begins."""
@@ -66,14 +69,36 @@ class Material:
     cache: DescriptorCache | None = None
 
 
-def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, cache: DescriptorCache) -> Material:
+def image_material(
+    sequence: Sequence,
+    config: Config,
+    descriptor: Descriptor,
+    cache: DescriptorCache,
+    *,
+    left_out: tuple[BadImage, ...] | None = None,
+) -> Material:
     """Return a sequence of images as material: its camera resolved, its descriptions ready to be computed.
+
+    Parameters
+    ----------
+    sequence
+        The images.
+    config
+        What to make of them.
+    descriptor
+        Describes them.
+    cache
+        Where descriptions are looked up and kept.
+    left_out
+        The images that `without_bad` has taken out of the sequence; None if nobody asked for that.
 
     Raises
     ------
     ConfigError, DatasetError
-        If the camera cannot be resolved or the first image not be described.
+        If an image is not fit for use, the camera cannot be resolved or the first image not be described.
     """
+    refuse_bad(sequence, cache)
+    sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
     camera = resolve_camera(sequence, config.imaging, cache)
     described = Describer(camera, descriptor, cache).describe_frames(sequence.frames)
     first = next(described)
@@ -91,6 +116,7 @@ def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, c
             "card": sequence.card,
             "cut": dict(zip(("start", "stride", "limit"), sequence.cut_from, strict=True)),
             "camera": {"origin": camera.origin, **camera.settings},
+            **({} if left_out is None else {"skipped": [dataclasses.asdict(bad) for bad in left_out]}),
         },
         pictures=Pictures(sequence.frames, camera),
         cache=cache,
@@ -100,14 +126,15 @@ def image_material(sequence: Sequence, config: Config, descriptor: Descriptor, c
 def archive_material(file: Path) -> Material:
     """Return an archive of descriptors as material."""
     archive = load_archive(file)
-    poses = [frame.pose for frame in archive.frames]
+    frames = tuple(map(_within_a_building, archive.frames))
+    poses = [frame.pose for frame in frames]
     positions = None if None in poses else np.array([[pose.x, pose.y] for pose in poses if pose])
     return Material(
         name=file.stem,
         source=f"{ARCHIVE_SCHEME}{file.resolve()}",
         descriptor="archive",
         cells=archive.orientation.shape[1],
-        frames=archive.frames,
+        frames=frames,
         positions=positions,
         described=(
             DescribedFrame(description, _digest(description))
@@ -116,6 +143,13 @@ def archive_material(file: Path) -> Material:
         determining={"descriptor": {"name": "archive"}},
         about={"sequence": file.stem, "cut": {"start": 0, "stride": 1, "limit": None}},
     )
+
+
+def _within_a_building(frame: Frame) -> Frame:
+    """Return a frame without a pose that cannot be metres: distances over such mean nothing, or overflow."""
+    if frame.pose is None or (abs(frame.pose.x) <= FARTHEST_M and abs(frame.pose.y) <= FARTHEST_M):
+        return frame
+    return dataclasses.replace(frame, pose=None)
 
 
 def _digest(description: Description) -> str:

@@ -157,14 +157,18 @@ def test_a_sequence_shorter_than_the_first_node_is_refused_before_anything_is_wr
     assert not (tmp_path / "run").exists()
 
 
-def test_an_image_that_cannot_be_read_ends_the_run_but_keeps_its_steps(panoramas, tmp_path):
+def test_an_image_that_breaks_meanwhile_ends_the_run_but_keeps_its_steps(panoramas, tmp_path):
     copy = tmp_path / "copy"
     copy.mkdir()
     for file in panoramas.iterdir():
         (copy / file.name).write_bytes(file.read_bytes())
-    (copy / "image60.png").write_bytes(b"\x89PNG broken")
+
+    def break_it(done, total):
+        if done == 20:
+            (copy / "image60.png").write_bytes(b"\x89PNG broken")
+
     with pytest.raises(DatasetError, match=r"image60\.png"):
-        replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+        replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run", progress=break_it)
     run = open_run(tmp_path / "run")
     assert run.status == "failed"
     assert "image60.png" in run.manifest["reason"]
@@ -198,7 +202,7 @@ def test_an_image_of_another_size_in_the_middle_is_refused(panoramas, tmp_path):
     for file in panoramas.iterdir():
         (copy / file.name).write_bytes(file.read_bytes())
     cv2.imwrite(str(copy / "image50.png"), np.zeros((32, 128), np.uint8))
-    with pytest.raises(DatasetError, match=r"image50\.png is 128 x 32 pixels, the first one 256 x 64"):
+    with pytest.raises(DatasetError, match=r"image50\.png is 128 x 32 pixels, most are 256 x 64"):
         replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run")
 
 

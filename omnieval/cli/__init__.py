@@ -17,12 +17,17 @@ from omnieval.cli import (
     dataset,
     describe,
     diff,
+    doctor,
+    explain,
     map_descriptors,
     parameters,
     render,
     replay,
+    report,
     view,
 )
+from omnieval.cli.console import note
+from omnieval.cli.streams import ready_streams
 from omnieval.errors import OmnievalError
 
 INTERRUPTED = 130
@@ -35,7 +40,6 @@ app = typer.Typer(
     "Exit codes: 0 ok, 1 unexpected, 2 usage or configuration, 3 dataset invalid, 4 regression failed, "
     "5 some jobs failed, 130 interrupted. Add --debug to any command for the traceback of an error.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -45,12 +49,15 @@ app.command("map")(map_descriptors.map_descriptors)
 app.command("ablate")(ablate.ablate)
 app.command("baseline")(baseline.baseline)
 app.command("check")(check.check)
+app.command("report")(report.report)
 app.command("describe")(describe.describe)
 app.command("render")(render.render)
 app.command("view")(view.view)
 app.command("compare")(compare.compare)
 app.command("diff")(diff.diff)
+app.command("explain")(explain.explain)
 app.command("parameters")(parameters.parameters)
+app.command("doctor")(doctor.doctor)
 app.add_typer(dataset.app, name="dataset")
 
 
@@ -70,6 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its documented code. Every error is handled here, once."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given
+    ready_streams()
+    # What is wrong with an image is said by omnieval, once.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:
         code = app(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)
         if code == INTERRUPTED:  # typer has caught the interrupt itself
@@ -92,6 +102,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _fail(message: str, code: int) -> int:
-    line = " ".join(message.split())
-    print(f"omnieval: {line}", file=sys.stderr)
+    note(message)
     return code

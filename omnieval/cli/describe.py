@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,7 @@ def describe(
     stride: options.Stride = 1,
     limit: options.Limit = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.npz.")] = False,
+    skip_bad: options.SkipBad = False,
     json: options.Json = False,
 ) -> None:
     """Describe every image of a sequence and write the descriptors as a NumPy archive.
@@ -32,16 +34,21 @@ def describe(
 
       omnieval describe synthetic:sunny --descriptor hog --set hog.orientation_width=32 --out sunny.npz
     """
-    from omnieval.cli.console import print_fields, print_json, progress
+    from omnieval.cli.console import note, print_fields, print_json, progress
+    from omnieval.imaging.soundness import in_words, without_bad
     from omnieval.loop import describe_archive
 
     resolved = options.configuration(set_, config, None, descriptor)
-    sequence = options.sequence(source, start, stride, limit)
+    whole = options.sequence(source, start, stride, limit)
+    sequence, left_out = without_bad(whole) if skip_bad else (whole, ())
     with progress("describing") as report:
         archive = describe_archive(sequence, out, config=resolved, overwrite=overwrite, progress=report)
     shapes = {"position": list(archive.position.shape), "orientation": list(archive.orientation.shape)}
     if json:
-        print_json({"schema_version": 1, "file": str(out), "source": sequence.source, **shapes})
+        skipped = [dataclasses.asdict(bad) for bad in left_out]
+        print_json({"schema_version": 1, "file": str(out), "source": sequence.source, **shapes, "skipped": skipped})
     else:
         print(out)
         print_fields((name, " x ".join(map(str, shape))) for name, shape in shapes.items())
+    if left_out:
+        note(in_words(left_out, len(whole)))

@@ -38,6 +38,10 @@ Out = Annotated[
     Path | None, typer.Option(help="Run folder to write; default runs/<sequence>-<descriptor>[-<n>].", metavar="DIR")
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier run in the same folder.")]
+SkipBad = Annotated[
+    bool,
+    typer.Option("--skip-bad", help="Leave out images that are broken or of another size than most, and count them."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave images out of the recording.")]
 Every = Annotated[int, typer.Option("--every", min=1, help="Record images and curves at every n-th step only.")]

@@ -23,6 +23,7 @@ def replay(
     limit: options.Limit = None,
     out: options.Out = None,
     overwrite: options.Overwrite = False,
+    skip_bad: options.SkipBad = False,
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Write no recording for the Rerun viewer.")] = False,
     no_images: options.NoImages = False,
     every: options.Every = 1,
@@ -53,20 +54,30 @@ def replay(
     sequence = options.sequence(source, start, stride, limit)
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
     with progress("replaying") as report:
-        run = run_replay(sequence, config=resolved, out=out, overwrite=overwrite, recording=recording, progress=report)
+        run = run_replay(
+            sequence,
+            config=resolved,
+            out=out,
+            overwrite=overwrite,
+            skip_bad=skip_bad,
+            recording=recording,
+            progress=report,
+        )
     print_run(run, json=json)
 
 
 def print_run(run: Run, *, json: bool) -> None:
     """Print what a run came to."""
     from omnieval.cli.console import note, print_fields, print_json
-    from omnieval.results.summary import summary_fields
+    from omnieval.results.summary import skipped_images, summary_fields
 
     if json:
         print_json({"run": str(run.folder), **run.manifest})
     else:
         print(run.folder)
         print_fields(summary_fields(run))
+    if skipped := skipped_images(run):
+        note(skipped)
     if (cache := run.manifest["cache"]) and cache["note"]:
         note(cache["note"])
     if failure := run.manifest.get("recording_failure"):

@@ -37,7 +37,7 @@ def parse_camera(text: str) -> Camera:
     """
     try:
         table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise DatasetError(f"not valid TOML ({shown(str(error))})") from error
     _refuse_unknown(table, ("kind", "mirror"))
     kind = _kind(table.get("kind"))

@@ -188,7 +188,7 @@ def overridden(known: Card, text: str, file: str) -> Card:
 def _toml(text: str, file: str) -> dict[str, object]:
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise DatasetError(f"data card {file} is not valid TOML: {shown(str(error))}") from error
 
 

@@ -29,6 +29,7 @@ backward-time         error    an image was taken before its predecessor
 unreadable-image      error    the file cannot be read
 empty-image           error    the file has no bytes
 truncated-image       error    the file ends early
+damaged-image         error    a checksum within the file is wrong (PNG)
 not-an-image          error    the file cannot be decoded
 wrong-size            error    the image's size differs from the others'
 yaw-out-of-range      warning  a yaw that is probably not in radians
@@ -42,6 +43,8 @@ length-differs        warning  the path's length differs from the data card
 no-labels             info     there is no ``places.lst``
 no-poses              info     there is no ``poses.csv`` or ground truth
 ===================== ======== =====================================================================
+
+A JPEG or BMP that is whole but was overwritten somewhere in its middle is not found: see `omnieval.datasets.images`.
 """
 
 from __future__ import annotations
@@ -56,7 +59,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from omnieval.datasets.cards import card
-from omnieval.datasets.images import ImageReport, inspect_image
+from omnieval.datasets.images import ImageReport, inspect_image, usual_size, wrong_size
 from omnieval.datasets.registry import scan
 from omnieval.datasets.scan import ROOT, Finding, Scan
 from omnieval.datasets.sequence import Frame
@@ -176,15 +179,14 @@ def _inspect_all(paths: list[Path], progress: Progress | None) -> Iterator[Image
 
 def _image_findings(found: Scan, reports: dict[Path, ImageReport]) -> tuple[tuple[int, int] | None, list[Finding]]:
     """Return the size most images have, and a finding for each image that is faulty or of another size."""
-    sizes = Counter(report.size for report in reports.values() if report.size is not None)
-    usual = min(sizes, key=lambda size: (-sizes[size], size)) if sizes else None
+    usual = usual_size(reports.values())
     findings: list[Finding] = []
     for path, report in reports.items():
         where = shown(path.relative_to(found.root).as_posix())
         if report.size is None:
             findings.append(Finding("error", report.code, where, report.message))
         elif usual is not None and report.size != usual:
-            message = f"is {_pixels(report.size)}, the others are {_pixels(usual)}; all must have one size"
+            message = wrong_size(report.size, usual)
             findings.append(Finding("error", "wrong-size", where, message))
     return usual, findings
 

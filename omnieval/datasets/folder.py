@@ -63,7 +63,8 @@ def scan_folder(path: str | Path) -> Scan:
     camera, camera_faults = _read_camera(root)
     faults += camera_faults + name_faults(names)
     if not names:
-        faults.insert(0, Finding("error", "empty", ROOT, "no image (png, jpg, jpeg, bmp) in the folder"))
+        message = "no image (png, jpg, jpeg, bmp) in it; name the folder that holds them"
+        faults.insert(0, Finding("error", "empty", ROOT, message))
     frames = tuple(_frame(root, name, (captures or {}).get(file_key(name), _NO_CAPTURE)) for name in names)
     if captures is not None:
         remarks += _match_remarks(names, captures) + _pose_remarks(captures) + time_remarks(frames)

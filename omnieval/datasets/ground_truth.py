@@ -103,7 +103,8 @@ def _delimited_rows(lines: list[str], delimiter: str) -> Iterator[tuple[int, lis
         try:
             row = next(reader, None)
         except csv.Error as error:
-            raise DatasetError(f"line {reader.line_num} is not delimited text ({error}); mend it") from error
+            reason = shown(str(error))  # it may quote a delimiter that cannot be printed
+            raise DatasetError(f"line {reader.line_num} is not delimited text ({reason}); mend it") from error
         if row is None:
             return
         yield reader.line_num, [cell.strip() for cell in row]

@@ -143,7 +143,10 @@ def _image_names(root: Path, pattern: str) -> list[str]:
 
 
 def _matches(root: Path, pattern: str) -> list[str]:
-    relative = (path.relative_to(root) for path in root.glob(pattern) if not _is_folder(path))
+    try:
+        relative = [path.relative_to(root) for path in root.glob(pattern) if not _is_folder(path)]
+    except OSError:  # a name no file can have, for example one that is too long
+        return []
     return sorted({path.as_posix() for path in relative if not any(part.startswith(".") for part in path.parts)})
 
 

@@ -13,6 +13,7 @@ from omnieval.datasets.scan import (
     Finding,
     Scan,
     canonical_path,
+    exists,
     has_image_suffix,
     missing_folder,
     visible_names,
@@ -75,7 +76,7 @@ def split_source(source: str | Path) -> tuple[str | None, str]:
     if scheme in _SCANNERS and (colon or scheme in _WITHOUT_PATH):
         return scheme, rest
     looks_like_scheme = colon and len(scheme) > 1 and scheme.isidentifier()
-    if looks_like_scheme and not canonical_path(source).exists():
+    if looks_like_scheme and not exists(canonical_path(source)):
         raise DatasetError(f"unknown source '{shown(source)}'; {did_you_mean(scheme, _SCANNERS)}")
     return None, source
 
@@ -92,15 +93,15 @@ def _scan_bare(path: str) -> Scan:
     if not path:
         raise DatasetError(f"the source is empty; {did_you_mean('', _SCANNERS)}")
     root = canonical_path(path)
-    if is_cold(root):
-        return _scanner("cold")(path)
-    if is_innova(root):
-        return _scanner("innova")(path)
-    if any(has_image_suffix(name) for name in visible_names(root)):
-        return _scanner("folder")(path)
     base = Scan(safe_name(root.name), str(root), root)
     fault = missing_folder(root)
     if fault is None:
+        if is_cold(root):
+            return _scanner("cold")(path)
+        if is_innova(root):
+            return _scanner("innova")(path)
+        if any(has_image_suffix(name) for name in visible_names(root)):
+            return _scanner("folder")(path)
         message = "neither an omni_cam folder (COLD) nor images (png, jpg, jpeg, bmp) in it; name a sequence folder"
         fault = Finding("error", "not-a-sequence", ROOT, message)
     elif fault.code == "missing-folder" and "/" not in path:

@@ -133,9 +133,17 @@ def canonical_path(path: str | Path) -> Path:
         raise DatasetError(f"{shown(str(path))}: not a usable path ({error})") from error
 
 
+def exists(path: Path) -> bool:
+    """Tell whether there is something at `path`; nothing is where a name is too long or may not be looked up."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
+
+
 def missing_folder(path: Path) -> Finding | None:
     """Return what is wrong with `path` as a folder to read, None if it can be listed."""
-    if not path.exists():
+    if not exists(path):
         return Finding("error", "missing-folder", ROOT, "no such folder; check the path")
     if not path.is_dir():
         return Finding("error", "not-a-folder", ROOT, "not a folder; name the folder that holds the sequence")

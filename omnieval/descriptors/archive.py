@@ -7,7 +7,10 @@ Arrays, n images: `position` (n, d) and `orientation` (n, cells, bins), floating
 
 from __future__ import annotations
 
+import io
+import lzma
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +22,24 @@ from numpy.typing import NDArray
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.descriptors.description import Description
 from omnieval.errors import DatasetError
+
+_ARRAYS = ("position", "orientation", "file", "xy", "yaw", "room", "time_ns")
+_KINDS = {"f": "floating point", "i": "whole numbers with a sign", "U": "text"}
+_UNREADABLE = (
+    OSError,
+    ValueError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OverflowError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+)
+"""What `zipfile` and `numpy` raise, according to where a file is damaged."""
 
 
 @dataclass(frozen=True)
@@ -74,19 +95,15 @@ def load_archive(file: Path) -> Archive:
     DatasetError
         One line that says which array is wrong and how.
     """
-    try:
-        with np.load(file, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in content.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
-        raise DatasetError(f"cannot read descriptors {file}: {error}; expected a .npz archive") from error
-    position = _checked(file, arrays, "position", kinds="f", shape=(None, None))
+    arrays = _read_arrays(file)
+    position = _finite(file, arrays, "position", shape=(None, None))
     count = len(position)
-    orientation = _checked(file, arrays, "orientation", kinds="f", shape=(count, None, None))
-    names = _optional(file, arrays, "file", kinds="U", shape=(count,))
-    xy = _optional(file, arrays, "xy", kinds="f", shape=(count, 2))
-    yaw = _optional(file, arrays, "yaw", kinds="f", shape=(count,))
-    rooms = _optional(file, arrays, "room", kinds="U", shape=(count,))
-    times = _optional(file, arrays, "time_ns", kinds="i", shape=(count,))
+    orientation = _finite(file, arrays, "orientation", shape=(count, None, None))
+    names = _text(file, arrays, "file", count)
+    rooms = _text(file, arrays, "room", count)
+    xy = _optional(file, arrays, "xy", kind="f", shape=(count, 2))
+    yaw = _optional(file, arrays, "yaw", kind="f", shape=(count,))
+    times = _optional(file, arrays, "time_ns", kind="i", shape=(count,))
     frames = tuple(
         Frame(
             path=file,
@@ -97,7 +114,25 @@ def load_archive(file: Path) -> Archive:
         )
         for i in range(count)
     )
-    return Archive(frames, position.astype(np.float32), orientation.astype(np.float32))
+    return Archive(frames, position, orientation)
+
+
+def _read_arrays(file: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays that mean something to us; whatever else is in the archive is not even read."""
+    try:
+        if file.exists() and not file.is_file():  # a device or a pipe would never end
+            raise DatasetError(f"cannot read descriptors {file}: not a file; expected a .npz archive")
+        with zipfile.ZipFile(file) as archive:
+            present = [name for name in _ARRAYS if f"{name}.npy" in archive.namelist()]
+            return {name: _read_array(archive.read(f"{name}.npy")) for name in present}
+    except _UNREADABLE as error:
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise DatasetError(f"cannot read descriptors {file}: {reason}; expected a .npz archive") from error
+
+
+def _read_array(data: bytes) -> NDArray[Any]:
+    array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+    return array
 
 
 def _pose(xy: NDArray[Any] | None, yaw: NDArray[Any] | None, index: int) -> Pose | None:
@@ -107,25 +142,50 @@ def _pose(xy: NDArray[Any] | None, yaw: NDArray[Any] | None, index: int) -> Pose
     return Pose(float(xy[index, 0]), float(xy[index, 1]), heading)
 
 
+def _finite(
+    file: Path, arrays: Mapping[str, NDArray[Any]], name: str, *, shape: tuple[int | None, ...]
+) -> NDArray[np.float32]:
+    array = _checked(file, arrays, name, kind="f", shape=shape)
+    with np.errstate(over="ignore"):  # what single precision cannot hold becomes infinite, and is refused
+        single = array.astype(np.float32)
+    whole = np.isfinite(single).reshape(len(single), -1).all(axis=1)
+    if not whole.all():
+        raise DatasetError(
+            f"{file}: array {name!r} has NaN or infinite values, first in image {int(whole.argmin())}; "
+            "leave such images out of all arrays"
+        )
+    return single
+
+
+def _text(file: Path, arrays: Mapping[str, NDArray[Any]], name: str, count: int) -> NDArray[np.str_] | None:
+    array = _optional(file, arrays, name, kind="U", shape=(count,))
+    for index, text in enumerate(array if array is not None else ()):
+        if any("\ud800" <= letter <= "\udfff" for letter in text):
+            raise DatasetError(
+                f"{file}: array {name!r} is no valid Unicode in image {index}, so no table can hold it; rename it"
+            )
+    return array
+
+
 def _optional(
-    file: Path, arrays: Mapping[str, NDArray[Any]], name: str, *, kinds: str, shape: tuple[int | None, ...]
+    file: Path, arrays: Mapping[str, NDArray[Any]], name: str, *, kind: str, shape: tuple[int | None, ...]
 ) -> NDArray[Any] | None:
-    return _checked(file, arrays, name, kinds=kinds, shape=shape) if name in arrays else None
+    return _checked(file, arrays, name, kind=kind, shape=shape) if name in arrays else None
 
 
 def _checked(
-    file: Path, arrays: Mapping[str, NDArray[Any]], name: str, *, kinds: str, shape: tuple[int | None, ...]
+    file: Path, arrays: Mapping[str, NDArray[Any]], name: str, *, kind: str, shape: tuple[int | None, ...]
 ) -> NDArray[Any]:
     if name not in arrays:
-        raise DatasetError(f"{file}: no array {name!r}; it has {', '.join(sorted(arrays)) or 'none'}")
+        raise DatasetError(
+            f"{file}: no array {name!r}, it has {', '.join(sorted(arrays)) or 'none we know'}; "
+            "position and orientation are needed"
+        )
     array = arrays[name]
     fits = array.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, array.shape, strict=True))
     if not fits or 0 in array.shape:
         expected = "(" + ", ".join("n" if want is None else str(want) for want in shape) + ")"
         raise DatasetError(f"{file}: array {name!r} must have shape {expected} and no axis of 0, got {array.shape}")
-    if array.dtype.kind not in kinds:
-        raise DatasetError(f"{file}: array {name!r} has type {array.dtype}, expected kind {kinds!r}")
-    if name in {"position", "orientation"} and not np.isfinite(array).all():
-        bad = int(np.flatnonzero(~np.isfinite(array).reshape(len(array), -1).all(axis=1))[0])
-        raise DatasetError(f"{file}: array {name!r} has NaN or infinite values, first in image {bad}")
+    if array.dtype.kind != kind:
+        raise DatasetError(f"{file}: array {name!r} must be {_KINDS[kind]}, got {array.dtype}")
     return array

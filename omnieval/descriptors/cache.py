@@ -22,6 +22,8 @@ from omnieval.descriptors.description import Description
 
 _COMPUTATION = 2
 """Raised when decoding, unwrapping or a descriptor computes something else, so that older rows are not found."""
+DATABASE = "descriptors-2.sqlite"
+"""Name of the file within the cache folder; the number is that of its tables."""
 _TABLES = """
 CREATE TABLE IF NOT EXISTS files (path TEXT PRIMARY KEY, size INTEGER, mtime_ns INTEGER, digest TEXT) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS descriptions (
@@ -48,7 +50,7 @@ class DescriptorCache:
     Parameters
     ----------
     path
-        The SQLite file; default ``descriptors-2.sqlite`` in the cache folder (the number is that of its tables).
+        The SQLite file; default `DATABASE` in the cache folder.
 
     Attributes
     ----------
@@ -57,7 +59,7 @@ class DescriptorCache:
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        self.path = path or cache_dir() / "descriptors-2.sqlite"
+        self.path = path or cache_dir() / DATABASE
         self.hits = 0
         self.misses = 0
         self._database = SpareDatabase(self.path, _TABLES)

@@ -9,6 +9,8 @@ from typing import Any
 _BATCH = 64
 """Rows written in one transaction; a transaction is open only while they are written, so processes do not wait."""
 _PATIENCE_S = 30.0
+_FAULTS = (sqlite3.Error, UnicodeDecodeError)
+"""What a damaged file makes SQLite raise; the latter when it quotes the damage in a message of its own."""
 
 
 class SpareDatabase:
@@ -45,7 +47,7 @@ class SpareDatabase:
             return None
         try:
             row: tuple[Any, ...] | None = self._connection.execute(query, values).fetchone()
-        except sqlite3.Error as error:
+        except _FAULTS as error:
             self._survive(error)
             return None
         return row
@@ -67,7 +69,7 @@ class SpareDatabase:
             with self._connection:
                 for statement, values in pending:
                     self._connection.execute(statement, values)
-        except sqlite3.Error as error:
+        except _FAULTS as error:
             self._survive(error)
 
     def close(self) -> None:
@@ -79,7 +81,7 @@ class SpareDatabase:
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._connect()
-        except (sqlite3.Error, OSError) as error:
+        except (*_FAULTS, OSError) as error:
             self._survive(error)
 
     def _connect(self) -> None:
@@ -99,7 +101,8 @@ class SpareDatabase:
         self._disconnect()
         self._pending = []
         # Subclasses stand for a locked, full or unwritable place; a malformed file has the plain class.
-        if type(error) is not sqlite3.DatabaseError or self._renewed:
+        damaged = type(error) is sqlite3.DatabaseError or isinstance(error, UnicodeDecodeError)
+        if not damaged or self._renewed:
             self.note = f"{self._path} is not used: {error}"
             return
         self._renewed = True

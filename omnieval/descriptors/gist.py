@@ -58,7 +58,7 @@ class GistConfig(BaseModel):
     orientation_width: int = Field(16, ge=1, le=1024, description="width of such a window in pixels")
     padding: int = Field(16, ge=0, le=128, description="rows mirrored beyond the upper and lower edge of each level")
     lowpass_sigma: float = Field(
-        1.0, gt=0, le=8, description="standard deviation in pixels of the Gaussian low-pass before a level is halved"
+        1.0, ge=0.1, le=8, description="standard deviation in pixels of the Gaussian low-pass before a level is halved"
     )
     prefilter: Literal["none", "local-contrast"] = Field(
         "none", description="whiten and divide by the local contrast first, as the reference gist code does"

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.datasets.images import is_truncated
+from omnieval.datasets.images import is_damaged, is_truncated
 from omnieval.errors import DatasetError
 
 
@@ -23,7 +23,7 @@ def decode_grey(data: bytes, where: str) -> NDArray[np.uint8]:
     Raises
     ------
     DatasetError
-        If it is empty, truncated or not an image.
+        If it is empty, truncated, damaged or not an image.
     """
     return _decode(data, where, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
 
@@ -39,6 +39,9 @@ def _decode(data: bytes, where: str, flags: int) -> NDArray[np.uint8]:
     # A file cut short may still decode, its missing part grey, which would silently change every descriptor.
     if is_truncated(data):
         raise DatasetError(f"image {where} is truncated; remove or replace it")
+    # Said here because the decoder would print its own complaint besides.
+    if is_damaged(data):
+        raise DatasetError(f"image {where} is damaged (a checksum is wrong); remove or replace it")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:  # what one release of OpenCV answers with None, another raises

@@ -46,7 +46,7 @@ def image_size(sequence: Sequence, notebook: Notebook | None = None) -> tuple[in
         If it cannot be read.
     """
     first = sequence.calibration[:1]
-    key = _key("size", first)
+    key = files_key("size", first)
     known = notebook.recall(key) if notebook is not None else None
     if known is None:
         height, width = _grey(first[0]).shape
@@ -67,7 +67,7 @@ def seen_mirror(sequence: Sequence, notebook: Notebook | None = None) -> tuple[M
     count = len(sequence.calibration)
     chosen = sorted({round(index) for index in np.linspace(0, count - 1, min(count, _ESTIMATED_FROM))})
     frames = [sequence.calibration[index] for index in chosen]
-    key = _key("mirror", frames)
+    key = files_key("mirror", frames)
     known = notebook.recall(key) if notebook is not None else None
     if known is None:
         estimate = estimate_mirror(_equal_sized(frames))
@@ -93,8 +93,14 @@ def _grey(frame: Frame) -> NDArray[np.uint8]:
     return decode_grey(frame.read(), str(frame.path))
 
 
-def _key(what: str, frames: Frames[Frame]) -> str:
-    """Return a key that changes with any of the files, without reading one."""
+def files_key(what: str, frames: Frames[Frame]) -> str:
+    """Return a key under which to note `what` is seen of image files; it changes with any file, and reads none.
+
+    Raises
+    ------
+    DatasetError
+        If one of the files is not there.
+    """
     files = []
     for frame in frames:
         try:

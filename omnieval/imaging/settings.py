@@ -6,6 +6,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+LARGEST_PX = 100_000
+"""No image is wider; beyond, positions in pixels are not exact any more."""
+
 
 class ImagingConfig(BaseModel):
     """How images become panoramas. Geometry that is not given comes from the dataset, or is estimated."""
@@ -15,7 +18,7 @@ class ImagingConfig(BaseModel):
     rows: int = Field(128, ge=16, le=4096, description="height of the panorama in pixels")
     columns: int = Field(512, ge=16, le=16384, description="width of the panorama in pixels")
     kind: Literal["auto", "omnidirectional", "panoramic"] = Field("auto", description="what the images are")
-    cx: float | None = Field(None, description="column of the mirror's centre in pixels")
-    cy: float | None = Field(None, description="row of the mirror's centre in pixels")
-    r_in: float | None = Field(None, ge=0, description="radius of the camera's own reflection in pixels")
-    r_out: float | None = Field(None, gt=0, description="radius of the mirror's rim in pixels")
+    cx: float | None = Field(None, ge=0, le=LARGEST_PX, description="column of the mirror's centre in pixels")
+    cy: float | None = Field(None, ge=0, le=LARGEST_PX, description="row of the mirror's centre in pixels")
+    r_in: float | None = Field(None, ge=0, le=LARGEST_PX, description="radius of the camera's own reflection in pixels")
+    r_out: float | None = Field(None, gt=0, le=LARGEST_PX, description="radius of the mirror's rim in pixels")

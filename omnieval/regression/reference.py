@@ -152,7 +152,7 @@ def read_reference(path: Path) -> tuple[Case, ...]:
         content = tomllib.loads(path.read_text("utf-8"))
     except FileNotFoundError as error:
         raise RegressionError(f"there is no reference {path}; make it with --update") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ConfigError(f"cannot read reference {path}: {error}") from error
     if content.get("schema_version") != SCHEMA_VERSION:
         raise ConfigError(

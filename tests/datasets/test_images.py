@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import cv2
+import numpy as np
 import pytest
 
-from omnieval.datasets.images import inspect_image, is_truncated
+from omnieval.datasets.images import examine_image, header_size, inspect_image, is_damaged, is_truncated
 from tests.datasets.trees import image_bytes
 
 SUFFIXES = [".jpeg", ".png", ".bmp"]
@@ -37,6 +38,47 @@ def test_the_end_of_a_thumbnail_is_not_the_end_of_the_image():
     assert not is_truncated(whole)
     assert is_truncated(whole[: len(whole) // 2])
     assert is_truncated(whole[:-2])
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_the_header_tells_the_size(suffix):
+    assert header_size(image_bytes(suffix, width=300, height=7)) == (300, 7)
+
+
+def test_a_progressive_image_and_one_from_top_to_bottom_have_a_size_too():
+    pixels = np.zeros((12, 16, 3), np.uint8)
+    assert header_size(cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()) == (16, 12)
+    bitmap = bytearray(image_bytes(".bmp"))
+    bitmap[22:26] = (-12).to_bytes(4, "little", signed=True)
+    assert header_size(bytes(bitmap)) == (16, 12)
+
+
+@pytest.mark.parametrize("data", [b"", b"text", b"\xff\xd8", b"BM", b"\x89PNG\r\n\x1a\n", b"BM" + b"\0" * 60])
+def test_other_bytes_have_no_size(data):
+    assert header_size(data) is None
+
+
+def test_every_flipped_byte_behind_the_signature_of_a_png_is_damage():
+    data = image_bytes(".png")
+    for position in range(8, len(data)):
+        spoilt = bytearray(data)
+        spoilt[position] ^= 0x40
+        assert is_damaged(bytes(spoilt)) or is_truncated(bytes(spoilt)), position
+
+
+def test_a_damaged_remark_within_a_png_is_none_to_its_pixels():
+    data = image_bytes(".png")
+    remark = b"\0\0\0\x03tEXtabc" + b"\0\0\0\0"
+    assert not is_damaged(data[:33] + remark + data[33:])
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_look_at_the_header_says_what_decoding_says(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    data = image_bytes(suffix)
+    for content in (data, data[: len(data) // 2], data[:-1], b"", b"text", b"GIF89a" + b"\0" * 30):
+        path.write_bytes(content)
+        assert examine_image(path) == inspect_image(path)
 
 
 @pytest.mark.parametrize(

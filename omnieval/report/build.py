@@ -1,0 +1,192 @@
+"""A report put together from its sources: which sections, which figures, and why one is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from omnieval.descriptors.cache import DescriptorCache
+from omnieval.errors import ConfigError
+from omnieval.mapping.config import MapperConfig
+from omnieval.report.batch import batch_figure, recorded
+from omnieval.report.figure import Block, Content, Figure, Section, Skipped, Table
+from omnieval.report.heatmaps import sweep_figures
+from omnieval.report.pieces import pieces_figures
+from omnieval.report.replays import DrawnReplay, draw_replay
+from omnieval.report.sources import Baseline, Replay, Sources, Sweep
+from omnieval.report.tables import batch_table, best_table, partitions_table, summary_table
+from omnieval.report.wording import value_text
+
+Progress = Callable[[int, int], None]
+_OF_MAPPER = frozenset(MapperConfig.model_fields)
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is asked of a report.
+
+    Attributes
+    ----------
+    step
+        The step whose similarity curves to draw; None takes a telling one of each replay.
+    figures
+        Whether figures are wanted, or tables only.
+    progress
+        Called with (replays done, replays in all).
+    """
+
+    step: int | None = None
+    figures: bool = True
+    progress: Progress | None = None
+
+
+def build(sources: Sources, order: Order) -> Content:
+    """Return the report of some sources.
+
+    Raises
+    ------
+    ConfigError
+        If no replay has the step that was asked for.
+    """
+    replays = list(sources.replays)
+    if order.figures:
+        replays += [replay for sweep in sources.sweeps for replay in sweep.replays]
+    _check_step(replays, order.step)
+    drawn: dict[int, DrawnReplay] = {}
+    with DescriptorCache() as cache:
+        for done, replay in enumerate(replays, start=1):
+            drawn[id(replay)] = draw_replay(replay, sources.baselines, cache, step=order.step, figures=order.figures)
+            if order.progress:
+                order.progress(done, len(replays))
+    table_3 = batch_table(sources.sweeps, [(one, drawn[id(one)].batch) for one in sources.replays if one.finished])
+    first: list[Block] = [summary_table(sources), *([table_3] if table_3 else [])]
+    sections = [Section("Overview", (), tuple(first))]
+    for sweep in sources.sweeps:
+        sections.append(_sweep_section(sweep, order))
+        if order.figures:
+            sections += [_replay_section(replay, drawn[id(replay)].blocks) for replay in sweep.replays]
+    sections += [_replay_section(replay, drawn[id(replay)].blocks) for replay in sources.replays]
+    sections += [_baseline_section(baseline, order) for baseline in sources.baselines]
+    return Content(_title(sources), tuple(sections))
+
+
+def tables(content: Content) -> list[Table]:
+    """Return the tables of a report that the paper has too, and the summary."""
+    kept = {"summary", "table-2", "table-3"}
+    return [
+        block
+        for section in content.sections
+        for block in section.blocks
+        if isinstance(block, Table) and block.key in kept
+    ]
+
+
+def _check_step(replays: Sequence[Replay], step: int | None) -> None:
+    if step is None:
+        return
+    longest = max((len(replay.steps) for replay in replays), default=0)
+    if step >= longest:
+        what = f"the longest replay ends at step {longest - 1}" if longest else "no replay with its steps is given"
+        raise ConfigError(f"--step {step}: {what}; choose another")
+
+
+def _sweep_section(sweep: Sweep, order: Order) -> Section:
+    failed = sweep.table["error"].count()
+    axes = {axis: ", ".join(map(value_text, values)) for axis, values in sweep.axes.items()}
+    facts = {
+        "folder": str(sweep.folder),
+        "status": sweep.status,
+        "runs": f"{len(sweep.table)}, {failed} failed" if failed else str(len(sweep.table)),
+        **axes,
+        "other parameters": _parameter_words(
+            {name: value for name, value in sweep.fixed.items() if name in _OF_MAPPER}
+        ),
+        **_origin(sweep.facts),
+    }
+    blocks: list[Block] = [*(_sweep_figures(sweep) if order.figures else []), best_table(sweep)]
+    if order.figures and not sweep.replays:
+        reason = (
+            "an exact sweep makes no single runs; replay one to see its map"
+            if sweep.exact
+            else "no run has a silhouette, so none is the best"
+            if sweep.table["silhouette"].null_count() == len(sweep.table)
+            else "no decision trace was kept; sweep with --keep-steps or --rrd best"
+        )
+        blocks.append(Skipped("Maps of the best runs", reason))
+    return Section(f"Sweep {sweep.name}", tuple(facts.items()), tuple(blocks))
+
+
+def _sweep_figures(sweep: Sweep) -> list[Figure | Skipped]:
+    return pieces_figures(sweep) if sweep.exact else sweep_figures(sweep)
+
+
+def _replay_section(replay: Replay, blocks: tuple[Block, ...]) -> Section:
+    facts = {
+        "folder": str(replay.folder),
+        "source": replay.source,
+        "cut": _cut_words(replay.cut),
+        "descriptor": replay.descriptor,
+        "status": replay.status,
+        "images": str(len(replay.steps)),
+        "parameters": _parameter_words(replay.config.mapper.model_dump()),
+        **_origin(replay.facts),
+    }
+    return Section(replay.title, tuple(facts.items()), blocks)
+
+
+def _parameter_words(parameters: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value_text(value)}" for name, value in parameters.items())
+
+
+def _cut_words(cut: Mapping[str, Any]) -> str:
+    parts = {name: value for name, value in cut.items() if value is not None}
+    if parts == {"start": 0, "stride": 1}:
+        return "the whole sequence"
+    return ", ".join(f"{name} {value}" for name, value in parts.items())
+
+
+def _baseline_section(baseline: Baseline, order: Order) -> Section:
+    facts = {
+        "folder": str(baseline.folder),
+        "source": baseline.source,
+        "status": baseline.status,
+        **_origin(baseline.facts),
+    }
+    table = partitions_table(baseline)
+    return Section(f"Baseline {baseline.name}", tuple(facts.items()), (*_baseline_figure(baseline, order), table))
+
+
+def _baseline_figure(baseline: Baseline, order: Order) -> Iterator[Block]:
+    curves = recorded([baseline])
+    if not order.figures:
+        return
+    if curves.table["silhouette"].null_count() == len(curves.table):
+        yield Skipped("Silhouette over the number of clusters", "the baseline has no silhouette at any k")
+    else:
+        dataset, descriptor = baseline.table.select("dataset", "descriptor").row(0)
+        yield batch_figure(curves, [], f"{dataset}, {descriptor}")
+
+
+def _origin(facts: Any) -> dict[str, str]:
+    """Return where a result comes from, as names and values."""
+    versions = facts.get("versions") or {}
+    prints = facts.get("dataset_fingerprints") or {}
+    found = {
+        "dataset fingerprint": facts.get("dataset_fingerprint") or ", ".join(dict.fromkeys(prints.values())),
+        "identity": facts.get("identity"),
+        "code": facts.get("code"),
+        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
+    }
+    return {name: value for name, value in found.items() if value}
+
+
+def _title(sources: Sources) -> str:
+    datasets = dict.fromkeys(
+        [
+            *(replay.dataset for replay in sources.replays),
+            *(str(name) for sweep in sources.sweeps for name in sweep.table["dataset"].unique(maintain_order=True)),
+            *(str(baseline.table["dataset"][0]) for baseline in sources.baselines),
+        ]
+    )
+    return f"omnieval report: {', '.join(datasets)}"

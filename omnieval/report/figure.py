@@ -1,0 +1,94 @@
+"""What a report is made of: figures, tables, and the reasons why a figure is not there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal
+
+import altair as alt
+import polars as pl
+
+Chart = alt.Chart | alt.LayerChart | alt.FacetChart | alt.HConcatChart | alt.VConcatChart | alt.ConcatChart
+Cell = str | int | float | Decimal | None
+"""A float is shown with four decimals, a decimal number as it is."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure.
+
+    Attributes
+    ----------
+    key
+        What it shows, as part of a file name.
+    title
+        A few words.
+    caption
+        What one sees, and which figure of the paper it corresponds to. Plain text.
+    alt
+        The same for somebody who cannot see it: kind, axes, and what stands out.
+    chart
+        The drawing.
+    data
+        What is drawn, one row a mark or value, to be read as a table.
+    """
+
+    key: str
+    title: str
+    caption: str
+    alt: str
+    chart: Chart
+    data: pl.DataFrame
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A figure that cannot be drawn, and the sentence that says why."""
+
+    title: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table to read: rows in groups, and notes below.
+
+    Attributes
+    ----------
+    key
+        What it shows, as part of an anchor.
+    title
+        A few words.
+    columns
+        Their names, with units.
+    groups
+        (name, rows); the name says whose rows they are, empty when there is only one group.
+    notes
+        Sentences that must be read with it.
+    """
+
+    key: str
+    title: str
+    columns: tuple[str, ...]
+    groups: tuple[tuple[str, tuple[tuple[Cell, ...], ...]], ...]
+    notes: tuple[str, ...] = ()
+
+
+Block = Figure | Skipped | Table
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page: a heading, facts as names and values, and blocks in order."""
+
+    heading: str
+    facts: tuple[tuple[str, str], ...]
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Content:
+    """A whole report."""
+
+    title: str
+    sections: tuple[Section, ...]
