@@ -104,7 +104,7 @@ def read_axes(path: Path) -> list[Axis]:
     """
     try:
         content = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # of TOML and its numbers, of text, of depth
         raise ConfigError(f"cannot read axes {path}: {error}") from error
     flat = {
         name: values
@@ -200,7 +200,7 @@ def _steps(text: str, origin: str) -> tuple[str, ...]:
     try:
         first, last, step = map(Decimal, text.split(":"))
         steps = (last - first) / step
-        finite = steps.is_finite()
+        finite = steps.is_finite() and step.is_finite()
     except (ValueError, InvalidOperation, ZeroDivisionError):
         finite = False
     if not finite or steps < 0:

@@ -14,6 +14,7 @@ from omnieval.config import Config, Setting
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.datasets import load
 from omnieval.errors import ConfigError, DatasetError
+from omnieval.imaging.soundness import without_bad
 
 
 @dataclass(frozen=True)
@@ -48,39 +49,43 @@ def make_plan(
     start: int = 0,
     stride: int = 1,
     limit: int | None = None,
+    skip_bad: bool = False,
 ) -> Plan:
-    """Validate sources and grid whole, and lay out the jobs. No image is read.
+    """Validate grid and sources whole, and lay out the jobs.
+
+    No image is read, unless those that are not fit for use are to be left out (`skip_bad`).
 
     Raises
     ------
     ConfigError
-        One line with every fault, if any is one of the grid.
+        One line with every fault of the grid, or if a sequence is named twice or too short.
     DatasetError
-        One line with every fault, if all are faults of the sources.
+        One line with every fault of the sources.
     """
-    faults: list[ConfigError | DatasetError] = []
-    sequences = []
+    configs = configurations(axes, settings, preset, exact=exact)  # first: a source may have to be rendered
+    faults: list[DatasetError] = []
+    sequences: list[ImageSequence] = []
+    skipped: dict[str, list[str]] = {}
     for source in sources or ("synthetic",):
         try:
             sequence = source if isinstance(source, ImageSequence) else load(source)
-            sequences.append(sequence.cut(start=start, stride=stride, limit=limit))
+            sequence = sequence.cut(start=start, stride=stride, limit=limit)
+            if skip_bad:
+                sequence, left_out = without_bad(sequence)
+                skipped[sequence.source] = [bad.file for bad in left_out]
+            sequences.append(sequence)
         except DatasetError as error:
             faults.append(error)
-    configs: list[Config] = []
-    try:
-        configs = configurations(axes, settings, preset, exact=exact)
-    except ConfigError as error:
-        faults.append(error)
-    faults += [ConfigError(fault) for fault in [*_twice(sequences), *_too_short(sequences, configs)]]
+    if misfits := [*_twice(sequences), *_too_short(sequences, configs)]:
+        raise ConfigError("; ".join([*misfits, *map(str, faults)]))
     if faults:
-        kind = ConfigError if any(isinstance(fault, ConfigError) for fault in faults) else DatasetError
-        raise kind("; ".join(map(str, faults)))
+        raise DatasetError("; ".join(map(str, faults)))
     numbered = enumerate((sequence, config) for sequence in sequences for config in configs)
     varied = tuple(axis.name for axis in axes)
     return Plan(
         tuple(Job(number, sequence, config, exact) for number, (sequence, config) in numbered),
         varied,
-        _grid(sequences, configs, varied, exact),
+        _grid(sequences, configs, varied, exact) | ({"skipped": skipped} if skip_bad else {}),
         exact,
     )
 

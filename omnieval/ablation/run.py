@@ -14,7 +14,7 @@ from typing import Any, ClassVar, TypedDict, Unpack
 
 import polars as pl
 
-from omnieval.ablation.grid import make_axis, parse_span
+from omnieval.ablation.grid import Span, make_axis, parse_span
 from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, failed_row
 from omnieval.ablation.plan import Plan, make_plan
 from omnieval.ablation.pool import workers
@@ -24,6 +24,7 @@ from omnieval.config import Setting
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError, OmnievalError
+from omnieval.imaging.soundness import refuse_bad
 from omnieval.loop import replay
 from omnieval.material import image_material
 from omnieval.recording.records import RecordingOptions
@@ -82,6 +83,7 @@ def ablate(
     settings: Mapping[str, Any] | None = None,
     exact: str | None = None,
     preset: str | None = None,
+    skip_bad: bool = False,
     **options: Unpack[Options],
 ) -> pl.DataFrame:
     """Replay sequences at every point of a grid of parameters and return one row a run (`schemas.ABLATION`).
@@ -98,6 +100,8 @@ def ablate(
         An interval of a parameter, such as ``"merge_y=0.5:3"``: one row for every piece on which the map is the same.
     preset
         Named parameters, ``recommended`` or ``paper-literal``.
+    skip_bad
+        Leave out images that are not fit for use instead of refusing the sequence.
     **options
         See `run_plan`.
 
@@ -109,7 +113,7 @@ def ablate(
     axes = [make_axis(name, values, "vary") for name, values in (vary or {}).items()]
     fixed = [Setting(name, value, "settings") for name, value in (settings or {}).items()]
     span = parse_span(exact) if exact else None
-    return run_plan(make_plan(several, axes, fixed, exact=span, preset=preset), **options).table
+    return run_plan(make_plan(several, axes, fixed, exact=span, preset=preset, skip_bad=skip_bad), **options).table
 
 
 def run_plan(
@@ -155,18 +159,16 @@ def run_plan(
     ConfigError
         If an option is wrong.
     DatasetError
-        If an image cannot be read.
+        If an image is not fit for use; nothing is written then.
     ResultError
         If the folder cannot be written, or what is to be resumed differs.
     JobFailedError
         With `fail_fast`, when a job fails.
     """
-    if jobs < 1:
-        raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
-    if plan.exact and (keep_steps or record_best):
-        raise ConfigError("--exact makes no single runs, so there is none to record and no decision trace to keep")
-    if resume and (out is None or overwrite):
-        raise ConfigError("--resume goes on with the ablation in --out; name it, and leave --overwrite out")
+    check_options(plan.exact, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or record_best)
+    with DescriptorCache() as cache:
+        for sequence in {job.sequence.source: job.sequence for job in plan.jobs}.values():
+            refuse_bad(sequence, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
     guard = guard_of(plan, keep_steps=keep_steps)
     if resume:
@@ -182,6 +184,24 @@ def run_plan(
     manifest = store.resume(guard | prints)
     with _closing(manifest):
         return _finish(work, described, manifest, csv=csv, record_best=record_best)
+
+
+def check_options(
+    exact: Span | None, *, jobs: int, out: Path | None, resume: bool, overwrite: bool, keep: bool
+) -> None:
+    """Refuse options that contradict each other; `keep` is whether anything of single runs is to be kept.
+
+    Raises
+    ------
+    ConfigError
+        One line, if they do.
+    """
+    if jobs < 1:
+        raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
+    if exact and keep:
+        raise ConfigError("--exact makes no single runs, so there is none to record and no decision trace to keep")
+    if resume and (out is None or overwrite):
+        raise ConfigError("--resume goes on with the ablation in --out; name it, and leave --overwrite out")
 
 
 def guard_of(plan: Plan, *, keep_steps: bool) -> dict[str, Any]:

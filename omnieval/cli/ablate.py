@@ -11,6 +11,7 @@ import typer
 from omnieval.cli import options
 
 if TYPE_CHECKING:
+    from omnieval.ablation.grid import Span
     from omnieval.ablation.plan import Plan
     from omnieval.ablation.run import Ablation
 
@@ -19,7 +20,7 @@ SOME_FAILED = 5
 
 def ablate(
     sources: Annotated[
-        list[str] | None, typer.Argument(help="Sequences as for replay; default synthetic.", metavar="[SOURCE...]")
+        list[str] | None, typer.Argument(help="Sequences as for replay; default synthetic.", metavar="SOURCE")
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -42,19 +43,23 @@ def ablate(
             metavar="NAME=FIRST:LAST",
         ),
     ] = None,
-    descriptor: Annotated[str | None, typer.Option("--descriptor", help="Descriptor, or several: hog,gist.")] = None,
+    descriptor: Annotated[
+        str | None, typer.Option("--descriptor", help="Descriptor, or several: hog,gist.", metavar="NAMES")
+    ] = None,
     set_: options.Set = None,
     config: options.ConfigFile = None,
     preset: Annotated[
         list[str] | None,
         typer.Option(
             help="Axes of an experiment of the paper (figures-9-10, table-2, table-3), named parameters (recommended, "
-            "paper-literal), or one of each."
+            "paper-literal), or one of each.",
+            metavar="NAME",
         ),
     ] = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
+    skip_bad: options.SkipBad = False,
     jobs: Annotated[int, typer.Option(help="Processes; the table does not depend on it.", metavar="N")] = 1,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write; default runs/ablation[-<n>].", metavar="DIR")
@@ -81,21 +86,24 @@ def ablate(
 
     Examples:
 
-      omnieval ablate --vary omega=1.7:2.3:0.15 --vary merge_y=0.75:2.25:0.25 --jobs 2
+      omnieval ablate --vary omega=1.7,2,2.3 --vary merge_y=0.75:2.25:0.25
 
-      omnieval ablate synthetic synthetic:night --descriptor hog,gist --vary n_new=10:50:10 --out runs/n-new
+      omnieval ablate synthetic synthetic:night --vary n_new=10:50:10 --jobs 2
 
       omnieval ablate synthetic --exact merge_y=0.5:3
 
-      omnieval ablate cold:/data/seq2_cloudy3 --preset figures-9-10 --out runs/freiburg --resume
+      omnieval ablate --preset figures-9-10 --out runs/figures --resume
     """
-    from omnieval.ablation.run import run_plan
+    from omnieval.ablation.grid import parse_span
+    from omnieval.ablation.run import check_options, run_plan
     from omnieval.cli.console import progress
     from omnieval.errors import ConfigError
 
     if rrd not in {None, "best"}:
         raise ConfigError(f"--rrd {rrd!r}: only best can be recorded")
-    plan = _plan(sources, vary, axes, exact, descriptor, set_, config, preset, start, stride, limit)
+    span = parse_span(exact) if exact else None
+    check_options(span, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
+    plan = _plan(sources, vary, axes, span, descriptor, set_, config, preset, start, stride, limit, skip_bad)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)
         return
@@ -121,7 +129,7 @@ def _plan(
     sources: Sequence[str] | None,
     vary: Sequence[str] | None,
     files: Sequence[Path] | None,
-    exact: str | None,
+    exact: Span | None,
     descriptor: str | None,
     set_: Sequence[str] | None,
     configs: Sequence[Path] | None,
@@ -129,9 +137,10 @@ def _plan(
     start: int,
     stride: int,
     limit: int | None,
+    skip_bad: bool,
 ) -> Plan:
     """Return the plan the options ask for."""
-    from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, parse_span, preset_axes, read_axes
+    from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, preset_axes, read_axes
     from omnieval.ablation.plan import make_plan
     from omnieval.config import parse_assignment, read_settings
 
@@ -143,8 +152,17 @@ def _plan(
         axes = preset_axes(axes, EXPERIMENTS[experiment], experiment)
     settings = [setting for file in configs or () for setting in read_settings(file)]
     settings += [parse_assignment(text) for text in set_ or ()]
-    span = parse_span(exact) if exact else None
-    return make_plan(sources or (), axes, settings, exact=span, preset=named, start=start, stride=stride, limit=limit)
+    return make_plan(
+        sources or (),
+        axes,
+        settings,
+        exact=exact,
+        preset=named,
+        start=start,
+        stride=stride,
+        limit=limit,
+        skip_bad=skip_bad,
+    )
 
 
 def _presets(names: Sequence[str]) -> tuple[str | None, str | None]:

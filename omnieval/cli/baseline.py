@@ -25,10 +25,12 @@ def baseline(
     ] = "synthetic",
     method: Annotated[
         str,
-        typer.Option(help="spectral, kmeans, agglomerative, dbstream, time-slices, positions or rooms."),
+        typer.Option(
+            help="spectral, kmeans, agglomerative, dbstream, time-slices, positions or rooms.", metavar="NAME"
+        ),
     ] = "spectral",
     similarity: Annotated[
-        str | None, typer.Option(help="Of spectral: gaussian-median (default), local-scaling or knn.")
+        str | None, typer.Option(help="Of spectral: gaussian-median (default), local-scaling or knn.", metavar="NAME")
     ] = None,
     k: Annotated[
         str | None, typer.Option("--k", help="Numbers of clusters: 2:40 (default), 5,9,20 or 7.", metavar="KS")
@@ -59,9 +61,9 @@ def baseline(
 
       omnieval baseline synthetic:night
 
-      omnieval baseline cold:/data/seq2_cloudy3 --similarity local-scaling --k 2:60
+      omnieval baseline cold:/data/seq2_cloudy3 --similarity knn --k 2:60
 
-      omnieval baseline synthetic --method kmeans --at-k-of runs/synthetic-cloudy-hog
+      omnieval baseline --method kmeans --at-k-of runs/synthetic-cloudy-hog
 
       omnieval baseline mine.npz --method positions --k 5,10,20 --json
     """

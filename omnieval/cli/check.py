@@ -46,9 +46,9 @@ def check(
 
       omnieval check --reference runs/reference/synthetic.toml
 
-      omnieval check runs/synthetic-night-hog --reference runs/reference/synthetic.toml
+      omnieval check runs/mine --reference mine.toml
 
-      omnieval check cold:data/seq2_cloudy3 --descriptor gist --reference mine.toml --update
+      omnieval check cold:data/seq2_cloudy3 --reference mine.toml --update
 
       omnieval check --reference mine.toml --junit check.xml
     """

@@ -31,14 +31,17 @@ class TableFormat(StrEnum):
 
 
 def compare(
-    runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN...")],
+    runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN")],
     format_: Annotated[
         TableFormat,
         typer.Option("--format", help="table has a column a run; md, csv and latex (booktabs) have a row a run."),
     ] = TableFormat.TABLE,
     columns: Annotated[
         str | None,
-        typer.Option(help="Metrics and parameters to show, by name; default: what differs, and all metrics."),
+        typer.Option(
+            help="Metrics and parameters to show, by name; default: what differs, and all metrics.",
+            metavar="NAMES",
+        ),
     ] = None,
     json: options.Json = False,
 ) -> None:
@@ -48,7 +51,7 @@ def compare(
 
       omnieval compare runs/*-hog
 
-      omnieval compare runs/a runs/b --format latex --columns gamma,nodes,silhouette,rooms_ari
+      omnieval compare runs/a runs/b --format md --columns gamma,silhouette
     """
     from omnieval.cli.console import print_json, print_table
     from omnieval.results.compare import compare as table_of

@@ -21,7 +21,7 @@ app = typer.Typer(
 Card = Annotated[str, typer.Argument(help="Name of a data card; see: omnieval dataset list.", metavar="CARD")]
 
 
-@app.command("list")
+@app.command("list", short_help="List the datasets that are known.")
 def list_cards(json: options.Json = False) -> None:
     """List the datasets that have a data card.
 
@@ -39,7 +39,7 @@ def list_cards(json: options.Json = False) -> None:
         print_fields((card.name, card.title) for card in cards)
 
 
-@app.command("info")
+@app.command("info", short_help="Where to get a dataset, what to expect.")
 def info(card: Card, json: options.Json = False) -> None:
     """Show a data card: where to get the dataset, how to cite it, its sequences and rooms.
 
@@ -73,7 +73,7 @@ def info(card: Card, json: options.Json = False) -> None:
         )
 
 
-@app.command("check")
+@app.command("check", short_help="Find what is wrong on disk.")
 def check(source: options.Source = "synthetic", json: options.Json = False) -> None:
     """Check a sequence on disk against itself and its data card, reporting every finding at once.
 
@@ -98,12 +98,14 @@ def check(source: options.Source = "synthetic", json: options.Json = False) -> N
         raise DatasetError(f"{report.source} has {errors} error(s), listed above; mend or remove what they name")
 
 
-@app.command("synthesize")
+@app.command("synthesize", short_help="Render the synthetic building.")
 def synthesize(
     directory: Annotated[Path, typer.Argument(help="Folder to write the sequence to.", metavar="DIR")],
-    light: Annotated[str, typer.Option(help="cloudy, night or sunny.")] = "cloudy",
-    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames; default the whole tour.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of noise, people and the path's details.")] = 0,
+    light: Annotated[str, typer.Option(help="cloudy, night or sunny.", metavar="NAME")] = "cloudy",
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Number of frames; default the whole tour.", metavar="N")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of noise, people and the path's details.", metavar="N")] = 0,
 ) -> None:
     """Render the synthetic building as a sequence in COLD's layout.
 

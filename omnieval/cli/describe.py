@@ -32,7 +32,7 @@ def describe(
 
       omnieval describe cold:/data/seq2_cloudy3 --out seq2_cloudy3.npz
 
-      omnieval describe synthetic:sunny --descriptor hog --set hog.orientation_width=32 --out sunny.npz
+      omnieval describe synthetic:sunny --descriptor gist --out sunny.npz
     """
     from omnieval.cli.console import note, print_fields, print_json, progress
     from omnieval.imaging.soundness import in_words, without_bad

@@ -27,7 +27,7 @@ def diff(
             help="Write a recording of both for the Rerun viewer, with the differing steps marked.", metavar="FILE.rrd"
         ),
     ] = None,
-    overwrite: options.Overwrite = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.rrd.")] = False,
     json: options.Json = False,
 ) -> None:
     """Show the first step at which two runs part: what was decided, and the numbers that differ.

@@ -22,12 +22,18 @@ def explain(
         typer.Option("--refused", help="List refused loop closures that the ground truth would have allowed."),
     ] = False,
     within: Annotated[
-        float, typer.Option(min=0.0, help="With --refused: the true match was taken at most this far away, metres.")
+        float,
+        typer.Option(
+            min=0.0, help="With --refused: the true match was taken at most this far away, metres.", metavar="METRES"
+        ),
     ] = 1.0,
     ago: Annotated[
-        int | None, typer.Option(min=1, help="With --refused: at least this many steps before; default n_new.")
+        int | None,
+        typer.Option(
+            min=1, help="With --refused: the true match was taken so many steps before; default n_new.", metavar="STEPS"
+        ),
     ] = None,
-    limit: Annotated[int, typer.Option(min=1, help="With --refused: list at most this many.")] = 20,
+    limit: Annotated[int, typer.Option(min=1, help="With --refused: list at most this many.", metavar="N")] = 20,
     json: options.Json = False,
 ) -> None:
     """Explain a decision: what was compared, what came of it, and what would have turned it.

@@ -24,16 +24,24 @@ Source = Annotated[
 RunArgument = Annotated[Path, typer.Argument(help="A run folder, e.g. runs/synthetic-cloudy-hog.", metavar="RUN")]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", help="Set a parameter, e.g. --set omega=1.85; repeatable.", metavar="NAME=VALUE"),
+    typer.Option(
+        "--set",
+        help="Set a parameter, e.g. --set omega=1.85; repeatable. All: omnieval parameters.",
+        metavar="NAME=VALUE",
+    ),
 ]
 ConfigFile = Annotated[
     list[Path] | None, typer.Option("--config", help="TOML file of parameters; repeatable.", metavar="FILE.toml")
 ]
-Preset = Annotated[str | None, typer.Option(help="Named parameters: recommended (default) or paper-literal.")]
-DescriptorName = Annotated[str | None, typer.Option("--descriptor", help="Descriptor, e.g. hog (default).")]
-Start = Annotated[int, typer.Option(min=0, help="First frame to use.")]
-Stride = Annotated[int, typer.Option(min=1, help="Use every n-th frame.")]
-Limit = Annotated[int | None, typer.Option(min=1, help="Use at most this many frames.")]
+Preset = Annotated[
+    str | None, typer.Option(help="Named parameters: recommended (default) or paper-literal.", metavar="NAME")
+]
+DescriptorName = Annotated[
+    str | None, typer.Option("--descriptor", help="Descriptor: hog (default) or gist.", metavar="NAME")
+]
+Start = Annotated[int, typer.Option(min=0, help="First frame to use.", metavar="N")]
+Stride = Annotated[int, typer.Option(min=1, help="Use every N-th frame.", metavar="N")]
+Limit = Annotated[int | None, typer.Option(min=1, help="Use at most this many frames.", metavar="N")]
 Out = Annotated[
     Path | None, typer.Option(help="Run folder to write; default runs/<sequence>-<descriptor>[-<n>].", metavar="DIR")
 ]
@@ -44,7 +52,9 @@ SkipBad = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave images out of the recording.")]
-Every = Annotated[int, typer.Option("--every", min=1, help="Record images and curves at every n-th step only.")]
+Every = Annotated[
+    int, typer.Option("--every", min=1, help="Record images and curves at every N-th step only.", metavar="N")
+]
 
 
 def configuration(

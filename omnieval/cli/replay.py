@@ -43,7 +43,7 @@ def replay(
 
       omnieval replay synthetic:night --set omega=1.85 --set merge_y=0.75
 
-      omnieval replay cold:/data/cold-freiburg/part_a/seq2_cloudy3 --preset paper-literal
+      omnieval replay cold:/data/seq2_cloudy3 --preset paper-literal
 
       omnieval replay folder:/data/panoramas --limit 500 --no-rrd --json
     """

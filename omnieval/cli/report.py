@@ -25,7 +25,7 @@ class ReportFormat(StrEnum):
 
 def report(
     paths: Annotated[
-        list[Path], typer.Argument(help="Run folders, ablations and baselines, in any mixture.", metavar="PATH...")
+        list[Path], typer.Argument(help="Run folders, ablations and baselines, in any mixture.", metavar="PATH")
     ],
     out: Annotated[
         Path | None, typer.Option(help="Folder to write; default report/ inside the first path.", metavar="DIR")
@@ -55,7 +55,7 @@ def report(
 
       omnieval report runs/synthetic-cloudy-hog
 
-      omnieval report runs/ablation runs/synthetic-cloudy-hog-spectral --out report
+      omnieval report runs/ablation runs/synthetic-cloudy-hog --out report
 
       omnieval report runs/synthetic-cloudy-hog --step 412 --overwrite
 

@@ -12,9 +12,7 @@ if TYPE_CHECKING:
 
 
 def view(
-    runs: Annotated[
-        list[Path], typer.Argument(help="Run folders, or recordings (.rrd) of omnieval.", metavar="RUN...")
-    ],
+    runs: Annotated[list[Path], typer.Argument(help="Run folders, or recordings (.rrd) of omnieval.", metavar="RUN")],
 ) -> None:
     """Open the recordings of runs in one Rerun viewer; all have the same layout.
 

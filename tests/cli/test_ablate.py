@@ -1,6 +1,7 @@
 """``omnieval ablate`` as its users meet it."""
 
 import json
+import shutil
 
 import polars as pl
 import pytest
@@ -92,3 +93,29 @@ def test_json_is_one_object(panoramas, tmp_path):
 def test_every_slip_gets_one_line_and_its_exit_code(arguments, code, words, panoramas, tmp_path):
     fails(in_process("ablate", *(part.format(panoramas=panoramas) for part in arguments), cwd=tmp_path), code, *words)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bad_image_is_refused_before_anything_is_written_or_left_out_and_counted(panoramas, tmp_path):
+    folder = shutil.copytree(panoramas, tmp_path / "images")
+    bad = sorted(folder.glob("*.png"))[40]
+    bad.write_bytes(b"")
+    arguments = ("ablate", folder, *SMALL, "--vary", "omega=2.5,3.5", "--out", "out")
+    fails(in_process(*arguments, cwd=tmp_path), 3, bad.name)
+    assert not (tmp_path / "out").exists()
+    assert in_process(*arguments, "--skip-bad", cwd=tmp_path).returncode == 0
+    manifest = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert list(manifest["grid"]["skipped"].values()) == [[bad.name]]
+    assert in_process(*arguments, "--skip-bad", "--resume", cwd=tmp_path).returncode == 0
+
+
+def test_options_are_checked_before_sources(tmp_path):
+    fails(in_process("ablate", "nowhere", "--jobs", 0, cwd=tmp_path), 2, "--jobs")
+    fails(in_process("ablate", "nowhere", "--exact", "gamma=1:2", "--keep-steps", cwd=tmp_path), 2, "--exact")
+
+
+def test_an_interval_of_a_threshold(panoramas, tmp_path):
+    result = in_process("ablate", panoramas, *SMALL, "--exact", "merge_y=0.5:1000", "--out", "out", cwd=tmp_path)
+    assert result.returncode == 0
+    _, header, *_ = result.stdout.splitlines()
+    assert "exact_from" in header
+    assert len(pl.read_parquet(tmp_path / "out" / "ablation.parquet")) >= 1
