@@ -244,8 +244,7 @@ class _Work:
         done = 0
         with DescriptorCache() as cache:
             for number, (key, job) in enumerate(needed.items()):
-                folder = self.store.folder / _DESCRIPTORS / str(number)
-                folder.mkdir(parents=True, exist_ok=True)
+                folder = self.store.make(f"{_DESCRIPTORS}/{number}")
                 material = image_material(job.sequence, job.config, job.config.make_descriptor(), cache)
                 described[key] = describe(material, folder)
                 done += len(job.sequence)

@@ -50,9 +50,9 @@ class Store:
         ResultError
             If the folder holds something already (of another kind, if `overwrite`) or cannot be written.
         """
-        parts = [path.relative_to(self.folder).as_posix() for path in self._files()]
-        manifest = Manifest(self.folder, KIND, content, files=[TABLE, CSV, *parts], overwrite=overwrite)
-        self._make(_PARTS)
+        files = [TABLE, CSV, f"{_PARTS}/*.json", f"{_STEPS}/*.parquet"]
+        manifest = Manifest(self.folder, KIND, content, files=files, overwrite=overwrite)
+        self.make(_PARTS)
         return manifest
 
     def check(self, content: Mapping[str, Any]) -> None:
@@ -73,7 +73,7 @@ class Store:
 
     def resume(self, content: dict[str, Any]) -> Manifest:
         """Go on with the ablation in the folder, which `check` has found to be the same."""
-        self._make(_PARTS)
+        self.make(_PARTS)
         return Manifest.reopen(self.folder, KIND, content, files=[TABLE, CSV])
 
     def exists(self) -> bool:
@@ -95,7 +95,7 @@ class Store:
 
     def steps_file(self, job: int) -> Path:
         """Where the decision trace of a job is kept."""
-        self._make(_STEPS)
+        self.make(_STEPS)
         return self.folder / _STEPS / f"{job:05d}.parquet"
 
     def write(self, table: pl.DataFrame, *, csv: bool) -> None:
@@ -105,15 +105,13 @@ class Store:
             with replacing(self.folder / CSV) as temporary:
                 table.write_csv(temporary)
 
-    def _files(self) -> Iterator[Path]:
-        yield from (self.folder / _PARTS).glob("*.json")
-        yield from (self.folder / _STEPS).glob("*.parquet")
-
-    def _make(self, name: str) -> None:
+    def make(self, name: str) -> Path:
+        """Create a folder in the folder of the ablation and return it."""
         try:
-            (self.folder / name).mkdir(exist_ok=True)
+            (self.folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ResultError(f"cannot write {self.folder / name}: {error.strerror}; choose another --out") from error
+        return self.folder / name
 
 
 def rows_table(rows: Iterable[Mapping[str, Any]]) -> pl.DataFrame:

@@ -55,7 +55,7 @@ def report(
 
       omnieval report runs/synthetic-cloudy-hog
 
-      omnieval report runs/ablation runs/synthetic-cloudy-hog --out report
+      omnieval report runs/ablation runs/mine --out both
 
       omnieval report runs/synthetic-cloudy-hog --step 412 --overwrite
 

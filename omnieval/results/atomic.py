@@ -15,6 +15,7 @@ from typing import Any
 import polars as pl
 
 from omnieval.errors import ResultError
+from omnieval.results.interrupts import interrupts_wait
 
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.\d+\.tmp")
 
@@ -51,7 +52,8 @@ def is_temporary(path: Path, *, of: str | None = None) -> bool:
 def write_table(table: pl.DataFrame, path: Path) -> None:
     """Write a table as parquet; see `replacing`."""
     content = io.BytesIO()  # so that only the operating system can fail, with an error that says how
-    table.write_parquet(content)
+    with interrupts_wait():
+        table.write_parquet(content)
     with replacing(path) as temporary:
         temporary.write_bytes(content.getbuffer())
 

@@ -13,6 +13,8 @@ Steps are written in parts as they come, so that a killed run leaves a readable 
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import io
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -24,6 +26,7 @@ import polars as pl
 from omnieval.errors import ResultError
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash, folder_hash
+from omnieval.results.interrupts import interrupts_wait
 from omnieval.results.manifest import Manifest, read_manifest, status_of
 from omnieval.results.schemas import STEPS
 from omnieval.results.tables import steps_frame
@@ -64,19 +67,19 @@ class Run:
         """One row a frame (`schemas.STEPS`); of a run that did not end, the steps it came to."""
         whole = self.folder / "steps.parquet"
         if whole.exists():
-            return _read_table(whole)
+            return self._table("steps")
         parts = _parts(self.folder)
         return pl.concat([_read_table(part) for part in parts]) if parts else STEPS.to_frame()
 
     @property
     def nodes(self) -> pl.DataFrame:
         """One row a node (`schemas.NODES`)."""
-        return _read_table(self.folder / "nodes.parquet")
+        return self._table("nodes")
 
     @property
     def transitions(self) -> pl.DataFrame:
         """One row an edge of the topological map (`schemas.TRANSITIONS`)."""
-        return _read_table(self.folder / "transitions.parquet")
+        return self._table("transitions")
 
     @property
     def metrics(self) -> dict[str, float | int | None]:
@@ -88,8 +91,12 @@ class Run:
     def content_hash(self) -> str:
         """Hash of what the tables say (`content.folder_hash`); of a run that did not end, of its steps so far."""
         names = [name for name in TABLES if (self.folder / f"{name}.parquet").exists()]
-        tables = {"steps": self.steps} | {name: _read_table(self.folder / f"{name}.parquet") for name in names[1:]}
+        tables = {"steps": self.steps} | {name: self._table(name) for name in names[1:]}
         return folder_hash({name: content_hash(table) for name, table in tables.items()})
+
+    def _table(self, name: str) -> pl.DataFrame:
+        file = f"{name}.parquet"
+        return _read_table(self.folder / file, self.manifest.get("file_digests", {}).get(file))
 
     @property
     def recording(self) -> Path:
@@ -142,9 +149,9 @@ class RunWriter:
 
     def steps(self) -> pl.DataFrame:
         """Return the steps so far."""
-        self._written.append(steps_frame(self._rows))
+        with interrupts_wait():
+            self._written = [pl.concat([*self._written, steps_frame(self._rows)])]
         self._rows = []
-        self._written = [pl.concat(self._written)]
         return self._written[0]
 
     def complete(self, tables: dict[str, pl.DataFrame], manifest: dict[str, Any]) -> Run:
@@ -152,7 +159,8 @@ class RunWriter:
         for name, table in tables.items():
             write_table(table, self.folder / f"{name}.parquet")
         hashes = {name: content_hash(table) for name, table in tables.items()}
-        return self._close("complete", {**manifest, "content_hashes": hashes})
+        sealed = {"content_hashes": hashes, "file_digests": self._file_digests()}
+        return self._close("complete", {**manifest, **sealed})
 
     def annotate(self, manifest: dict[str, Any]) -> Run:
         """Add to ``run.json`` of a complete run what was learned since, of its recording.
@@ -172,13 +180,19 @@ class RunWriter:
             return self.annotate({"recording_failure": reason})
         try:
             write_table(self.steps(), self.folder / "steps.parquet")
-            return self._close(status, {"reason": reason})
+            return self._close(status, {"reason": reason, "file_digests": self._file_digests()})
         finally:
             self._manifest.release()
 
+    def _file_digests(self) -> dict[str, str]:
+        """Return the digests of the tables as they are on disk."""
+        files = [path for name in TABLES if (path := self.folder / f"{name}.parquet").exists()]
+        return {path.name: _digest(path.read_bytes()) for path in files}
+
     def _write_part(self) -> None:
         parts = self.folder / _PARTS
-        part = steps_frame(self._rows)
+        with interrupts_wait():
+            part = steps_frame(self._rows)
         try:
             parts.mkdir(exist_ok=True)
         except OSError as error:
@@ -222,8 +236,19 @@ def _remove_parts(folder: Path) -> None:
         (folder / _PARTS).rmdir()
 
 
-def _read_table(path: Path) -> pl.DataFrame:
+def _read_table(path: Path, digest: str | None = None) -> pl.DataFrame:
+    """Read a table whose bytes have this digest (None: whatever they are).
+
+    A flipped bit may give other values, or bring the interpreter down: parquet files have no checksum of their own.
+    """
     try:
-        return pl.read_parquet(path)
-    except (OSError, pl.exceptions.PolarsError) as error:
+        data = path.read_bytes()
+        if digest is not None and _digest(data) != digest:
+            raise ResultError(f"{path} is damaged or was changed since it was written; replay the sequence again")
+        return pl.read_parquet(io.BytesIO(data))
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise ResultError(f"cannot read {path}: {error}; replay the sequence again") from error
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.blake2b(data, digest_size=16).hexdigest()

@@ -105,7 +105,8 @@ def test_a_run_that_did_not_reach_its_end_is_explained_as_far_as_it_came(run, tm
     folder = tmp_path / "cut"
     folder.mkdir()
     manifest = json.loads((run.folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps(manifest | {"status": "interrupted", "metrics": {}}))
+    changed = {"status": "interrupted", "metrics": {}, "file_digests": {}}
+    (folder / "run.json").write_text(json.dumps(manifest | changed))
     columns = [pl.lit(None, dtype=STEPS[name]).alias(name) for name in ("node_final", "placement", "forced")]
     run.steps.head(45).with_columns(columns).write_parquet(folder / "steps.parquet")
     explainer = RunExplainer(open_run(folder))
@@ -130,7 +131,8 @@ def test_the_turn_is_an_angle_only_where_the_cells_of_the_descriptor_are_known(r
 def test_a_run_without_steps_is_refused(run, tmp_path):
     folder = tmp_path / "empty"
     folder.mkdir()
-    (folder / "run.json").write_bytes((run.folder / "run.json").read_bytes())
+    manifest = json.loads((run.folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(manifest | {"file_digests": {}}))
     STEPS.to_frame().write_parquet(folder / "steps.parquet")
     with pytest.raises(ResultError, match="has no steps"):
         RunExplainer(open_run(folder))

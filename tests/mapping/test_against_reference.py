@@ -53,7 +53,7 @@ def cases(count: int, seed: int, **world: Any) -> list[tuple[World, MapperConfig
 
 
 FAST = cases(24, seed=100, visits=7)
-SLOW = cases(400, seed=10_000)
+SLOW = cases(200, seed=10_000)
 
 
 @cache

@@ -128,6 +128,18 @@ def test_a_damaged_table_is_refused(tmp_path):
     writer.complete({"steps": writer.steps()}, {})
     path = tmp_path / "run" / "steps.parquet"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(ResultError, match="is damaged or was changed"):
+        _ = open_run(tmp_path / "run").steps
+
+
+def test_a_damaged_part_of_a_run_that_was_killed_is_refused(tmp_path):
+    writer = RunWriter(tmp_path / "run", {})
+    writer.step(a_row(0))
+    writer.complete({"steps": writer.steps()}, {})
+    manifest = tmp_path / "run" / "run.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"file_digests": {}}))
+    path = tmp_path / "run" / "steps.parquet"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(ResultError, match="cannot read"):
         _ = open_run(tmp_path / "run").steps
 

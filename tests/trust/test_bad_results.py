@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from omnieval.results.run_folder import open_run
-from tests.trust.inputs import SMALL, CommandLine, half, listing, one_line, refused
+from tests.trust.inputs import SMALL, CommandLine, flip, half, listing, one_line, refused
 
 
 @pytest.fixture
@@ -59,6 +59,7 @@ RUNS = [
     ("half a table",            lambda run: half(run / "steps.parquet"),                  ["steps.parquet", REPLAY]),
     ("an empty table",          lambda run: (run / "steps.parquet").write_bytes(b""),     ["steps.parquet", REPLAY]),
     ("a table of text",         lambda run: (run / "steps.parquet").write_text("x" * 99), ["steps.parquet", REPLAY]),
+    ("a flipped byte",          lambda run: flip(run / "steps.parquet"),                  ["steps.parquet", "damaged"]),
 ]  # fmt: skip
 
 

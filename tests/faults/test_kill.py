@@ -1,0 +1,114 @@
+"""A run or ablation that is killed at any moment leaves true, readable results, and is made whole again."""
+
+import random
+import signal
+from collections import Counter
+
+import polars as pl
+import pytest
+
+from omnieval.results.content import content_hash
+from omnieval.results.run_folder import open_run
+from tests.cli.test_cli import in_process
+from tests.faults.commands import (
+    GRID,
+    OFTEN,
+    REPLAY,
+    begun,
+    kill_after,
+    load,
+    one_ahead,
+    prefix_of,
+    span,
+    status,
+    steps_recorded,
+    table_hash,
+    whole,
+)
+
+pytestmark = pytest.mark.faults
+
+REPLAYS, ABLATIONS = 20, 10
+
+
+def moments(count, seconds, seed):
+    """Return a random moment in each of so many equal parts of a time, so that early and late ones are among them."""
+    rng = random.Random(seed)
+    return [seconds * (part + rng.random()) / count for part in range(count)]
+
+
+def test_replays_killed_at_any_moment(panoramas, replayed, tmp_path, capsys):
+    arguments = ("replay", panoramas, *REPLAY, "--out")
+    outcomes: Counter[str] = Counter()
+    seconds = span(tmp_path, *arguments, "alone", prepare=OFTEN)
+    folders = [tmp_path / f"run{number}" for number in range(REPLAYS)]
+    processes = one_ahead(load(tmp_path, *arguments, folder, prepare=OFTEN) for folder in folders)
+    for folder, moment, process in zip(folders, moments(REPLAYS, seconds, seed=1), processes, strict=True):
+        code = kill_after(moment, process)
+        assert code in {0, -signal.SIGKILL}
+        outcomes[_check_killed(folder, replayed, tmp_path)] += 1
+        again = in_process(*arguments, folder, "--overwrite", "--no-rrd", cwd=tmp_path)
+        assert again.returncode == 0, again.stderr
+        assert open_run(folder).content_hash == replayed.content_hash
+        assert {path.name for path in folder.rglob("*")} == {path.name for path in replayed.folder.iterdir()} - {
+            "replay.rrd"
+        }
+    with capsys.disabled():
+        print(f"\n{REPLAYS} replays killed within {seconds:.1f} s: {dict(outcomes)}; all equal when replayed again")
+    assert outcomes["interrupted"] > 0
+
+
+def _check_killed(folder, reference, cwd):
+    """Check what a killed replay left, and say in a word what it was."""
+    if not begun(folder):
+        assert not folder.exists() or whole(folder) == []
+        return "nothing yet"
+    whole(folder)
+    run = open_run(folder)
+    assert run.status in {"interrupted", "complete"}
+    steps = prefix_of(folder, reference)
+    if run.status == "complete":
+        assert run.content_hash == reference.content_hash
+    if steps_recorded(folder / "replay.rrd") or steps_recorded(folder / "replay.partial.rrd"):
+        return run.status
+    if steps:
+        assert in_process("render", folder, "--no-images", cwd=cwd).returncode == 0
+        assert steps_recorded(folder / "replay.rrd") == steps
+        return f"{run.status}, recording rebuilt"
+    return f"{run.status} before the first steps were written"
+
+
+def test_ablations_killed_at_any_moment(panoramas, ablated, tmp_path, capsys):
+    outcomes: Counter[str] = Counter()
+    arguments = ("ablate", panoramas, *GRID, "--keep-steps")
+    jobs = {tmp_path / f"out{number}": 2 if number % 3 == 2 else 1 for number in range(ABLATIONS)}
+    seconds = {count: span(tmp_path, *arguments, "--jobs", count, "--out", f"alone{count}") for count in (1, 2)}
+    processes = one_ahead(load(tmp_path, *arguments, "--jobs", jobs[folder], "--out", folder) for folder in jobs)
+    for folder, part, process in zip(jobs, moments(ABLATIONS, 1.0, seed=2), processes, strict=True):
+        code = kill_after(part * seconds[jobs[folder]], process)
+        assert code in {0, -signal.SIGKILL}
+        outcomes[_check_killed_ablation(folder)] += 1
+        resume = ("--resume",) if begun(folder) else ()
+        resumed = in_process(*arguments, "--out", folder, *resume, cwd=tmp_path)
+        assert resumed.returncode == 0, resumed.stderr
+        assert table_hash(folder) == table_hash(ablated)
+        assert status(folder, "ablation") == "complete"
+        assert not list(folder.rglob("*.tmp"))
+        for trace in sorted((ablated / "steps").iterdir()):
+            ours = pl.read_parquet(folder / "steps" / trace.name)
+            assert content_hash(ours) == content_hash(pl.read_parquet(trace))
+    with capsys.disabled():
+        print(f"\n{ABLATIONS} ablations killed within {seconds} s: {dict(outcomes)}; all equal when resumed")
+    assert any(outcome.startswith("interrupted") for outcome in outcomes)
+
+
+def _check_killed_ablation(folder):
+    if not begun(folder):
+        assert not folder.exists() or whole(folder) == []
+        return "nothing yet"
+    files = whole(folder)
+    rows = sum(name.startswith("parts/") for name in files)
+    state = status(folder, "ablation")
+    assert state in {"interrupted", "complete"}
+    assert state == "interrupted" or "ablation.parquet" in files
+    return f"{state} with {rows} rows"
