@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from omnieval.loop import map_archive, replay
     from omnieval.mapping.config import MapperConfig
     from omnieval.mapping.mapper import Mapper
+    from omnieval.regression.check import check
+    from omnieval.report.write import write_report
     from omnieval.results.run_folder import Run, open_run
 
 __version__ = "0.1.0"
@@ -28,11 +30,13 @@ __all__ = [
     "Run",
     "ablate",
     "baseline",
+    "check",
     "configure",
     "load",
     "map_archive",
     "open_run",
     "replay",
+    "write_report",
 ]
 
 _HOMES = {
@@ -47,6 +51,8 @@ _HOMES = {
     "replay": "omnieval.loop",
     "MapperConfig": "omnieval.mapping.config",
     "Mapper": "omnieval.mapping.mapper",
+    "check": "omnieval.regression.check",
+    "write_report": "omnieval.report.write",
     "Run": "omnieval.results.run_folder",
     "open_run": "omnieval.results.run_folder",
 }

@@ -254,6 +254,8 @@ def _manifest(material: Material, config: Config) -> dict[str, Any]:
         "source": material.source,
         **material.about,
         "frames": len(material.frames),
+        "descriptor": material.descriptor,
+        "orientation_cells": material.cells,
         "configuration": config.model_dump(mode="json"),
         "versions": versions(),
         "code": code_digest(),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from omnieval.config import DESCRIPTORS, Config
+from omnieval.config import Config
 from omnieval.errors import ResultError
 from omnieval.explain.capture import Capture
 from omnieval.explain.decision import BestMatch, Decision, decision, shift_degrees
@@ -25,8 +25,6 @@ from omnieval.mapping.step import Placement, Step
 from omnieval.results.run_folder import Run
 from omnieval.results.tables import step_from_row
 from omnieval.wording import did_you_mean, shown
-
-_ARCHIVE_SCHEME = "npz:"
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class RunExplainer:
             raise ResultError(f"{run.folder} has no steps; replay the sequence again")
         settings = run.manifest["configuration"]
         self.config = Config.model_validate(settings).mapper
-        self._cells = _orientation_cells(run.manifest)
+        self._cells: int | None = run.manifest.get("orientation_cells")
 
     def __len__(self) -> int:
         return len(self._steps)
@@ -209,12 +207,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple | frozenset):
         return [plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _orientation_cells(manifest: dict[str, Any]) -> int | None:
-    """Return the cells of the orientation descriptor; None where ``run.json`` does not say."""
-    settings = manifest["configuration"]
-    if manifest["source"].startswith(_ARCHIVE_SCHEME) or settings["descriptor"] not in DESCRIPTORS:
-        return None
-    cells: int = settings[settings["descriptor"]]["orientation_cells"]
-    return cells

@@ -37,14 +37,14 @@ def _run(length: int, folder: Path) -> dict[str, Any]:
     position, orientation = [image.position for image in images], [image.orientation for image in images]
     save_archive(archive, named, np.stack(position), np.stack(orientation))
     del images, position, orientation
-    command = [sys.executable, "-m", "omnieval", "map", str(archive), "--out", str(out), "--no-rrd", "--json"]
+    command = [sys.executable, "-m", "omnieval", "map", str(archive), "--out", str(out), "--json"]
     with (folder / "summary.json").open("w+", encoding="utf-8") as printed:
-        process = subprocess.Popen(command, stdout=printed, stderr=subprocess.DEVNULL)
-        _, status, usage = os.wait4(process.pid, 0)
+        process = subprocess.Popen(command, stdout=printed)
+        _, status, usage = os.wait4(process.pid, 0)  # memory of this process alone
+        if status:
+            raise RuntimeError(f"omnieval map of {length} images ended with status {status}")
         printed.seek(0)
         summary = json.load(printed)
-    if status:
-        raise RuntimeError(f"omnieval map of {length} images ended with status {status}")
     steps = pl.read_parquet(out / "steps.parquet")
     tail = steps.tail(TAIL)
     archive.unlink()
