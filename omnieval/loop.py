@@ -6,6 +6,7 @@ and may fail without changing any result.
 
 from __future__ import annotations
 
+import os
 import statistics
 import time
 from collections.abc import Callable, Iterator
@@ -26,7 +27,7 @@ from omnieval.descriptors.description import Descriptor
 from omnieval.errors import ConfigError, ResultError
 from omnieval.imaging.soundness import without_bad
 from omnieval.mapping.mapper import Mapper
-from omnieval.mapping.memory import AHEAD, blocks
+from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.step import Step
 from omnieval.material import Material, archive_material, image_material
 from omnieval.metrics.evaluation import Evaluation, evaluate
@@ -208,7 +209,7 @@ def _run(
     progress: Progress | None,
 ) -> Run:
     started = time.perf_counter()
-    mapper = Mapper(config.mapper)
+    mapper = Mapper(config.mapper, ImageMemory(threads=os.cpu_count() or 1))
     trace = _Trace()
     for frame, described, step, milliseconds in _steps(mapper, material):
         trace.add(described, step, milliseconds)

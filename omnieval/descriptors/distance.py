@@ -209,12 +209,14 @@ class _Tile:
     def align(self, query: _Query) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return orientation distances and shifts, shape (tile,) each."""
         cells = self.orientations.shape[1]
-        correlation = irfft(np.matmul(query.spectrum, self.conjugates)[:, 0], cells, axis=0)
+        products = np.matmul(query.spectrum, self.conjugates)[:, 0]
+        # One image a row, so that what looks for the best shift reads along memory.
+        correlation = irfft(np.ascontiguousarray(products.T), cells, axis=1)
         scale = query.square + self.squares
         # Rounding must not choose among shifts that are equally good.
-        best = correlation.max(axis=0) - _ROUNDING * scale
-        shifts = (correlation >= best).argmax(axis=0)
-        squared = scale - 2.0 * correlation[shifts, np.arange(_TILE)]
+        best = correlation.max(axis=1) - _ROUNDING * scale
+        shifts = (correlation >= best[:, np.newaxis]).argmax(axis=1)
+        squared = scale - 2.0 * correlation[np.arange(_TILE), shifts]
         for place in np.flatnonzero(squared <= _CANCELLATION * scale).tolist():
             rolled = np.roll(self.orientations[place], int(shifts[place]), axis=0)
             squared[place] = np.square(query.orientation.astype(np.float64) - rolled).sum()
