@@ -9,6 +9,23 @@ from collections.abc import Iterable
 
 _LONGEST_NAME = 100
 
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "–": "--",
+    "−": "$-$",
+    "Ω": r"$\Omega$",
+    "γ": r"$\gamma$",
+}
+
 
 def shown(text: str) -> str:
     """Return `text` fit for one line of a message: whatever cannot be printed is escaped."""
@@ -50,3 +67,14 @@ def safe_name(text: str) -> str:
     normal = unicodedata.normalize("NFC", text)
     name = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_LONGEST_NAME]
     return name or "sequence"
+
+
+def latex_text(text: str) -> str:
+    r"""Return text with everything escaped that LaTeX would take for a command.
+
+    Examples
+    --------
+    >>> latex_text("50 % of n_new & more")
+    '50 \\% of n\\_new \\& more'
+    """
+    return "".join(_LATEX.get(character, character) for character in " ".join(text.split()))

@@ -10,14 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from omnieval.cli import options
+from omnieval.wording import latex_text
 
 if TYPE_CHECKING:
     import polars as pl
-
-_LATEX = str.maketrans(
-    {sign: rf"\{sign}" for sign in "&%$#_{}"}
-    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
-)
 
 
 class TableFormat(StrEnum):
@@ -102,7 +98,7 @@ def _latex(table: pl.DataFrame) -> Iterator[str]:
 
 def _latex_row(cells: list[str]) -> str:
     # A minus sign is longer than a hyphen; folders and names keep theirs.
-    minus = [f"${cell}$" if cell[:1] == "-" and cell[1:2].isdigit() else cell.translate(_LATEX) for cell in cells]
+    minus = [f"${cell}$" if cell[:1] == "-" and cell[1:2].isdigit() else latex_text(cell) for cell in cells]
     return " & ".join(minus) + r" \\"
 
 

@@ -8,23 +8,8 @@ from decimal import Decimal
 from html import escape
 
 from omnieval.report.figure import Cell, Table
+from omnieval.wording import latex_text
 
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "–": "--",
-    "−": "$-$",
-    "Ω": r"$\Omega$",
-    "γ": r"$\gamma$",
-}
 _MARKDOWN = re.compile(r"([\\`*_{}\[\]<>#|~])")
 
 
@@ -72,17 +57,6 @@ def latex(table: Table) -> str:
         r"\end{table}",
     ]
     return "\n".join(lines) + "\n"
-
-
-def latex_text(text: str) -> str:
-    r"""Return text with everything escaped that LaTeX would take for a command.
-
-    Examples
-    --------
-    >>> latex_text("50 % of n_new & more")
-    '50 \\% of n\\_new \\& more'
-    """
-    return "".join(_LATEX.get(character, character) for character in " ".join(text.split()))
 
 
 def html(table: Table, *, caption: str) -> str:
