@@ -26,6 +26,7 @@ from omnieval.descriptors.describe import DescribedFrame
 from omnieval.descriptors.description import Descriptor
 from omnieval.errors import ConfigError, ResultError
 from omnieval.imaging.soundness import without_bad
+from omnieval.mapping.interface import IncrementalMapper
 from omnieval.mapping.mapper import Mapper
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.step import Step
@@ -47,6 +48,7 @@ def replay(
     *,
     config: Config | None = None,
     descriptor: Descriptor | None = None,
+    mapper: IncrementalMapper | None = None,
     out: Path | None = None,
     overwrite: bool = False,
     skip_bad: bool = False,
@@ -63,6 +65,9 @@ def replay(
         Parameters; default `recommended`.
     descriptor
         A descriptor of one's own; default the one `config` names.
+    mapper
+        A new mapper of one's own (`mapping.interface`), which need not heed the parameters of `config`; default
+        omnieval's.
     out
         Run folder; default ``runs/<sequence>-<descriptor>[-<n>]``.
     overwrite
@@ -91,7 +96,7 @@ def replay(
     with DescriptorCache() as cache:
         material = image_material(sequence, config, describing, cache, left_out=left_out)
         folder = out or free_folder(RUNS, f"{sequence.name}-{describing.name}")
-        return run(material, config, folder, overwrite=overwrite, recording=recording, progress=progress)
+        return run(material, config, folder, mapper=mapper, overwrite=overwrite, recording=recording, progress=progress)
 
 
 def map_archive(
@@ -156,22 +161,27 @@ def run(
     config: Config,
     folder: Path,
     *,
+    mapper: IncrementalMapper | None = None,
     overwrite: bool = False,
     recording: RecordingOptions | None = None,
     progress: Progress | None = None,
 ) -> Run:
     """Map the material, step by step, into a run folder; see `replay`."""
-    if len(material.frames) < config.mapper.n_init:
+    if isinstance(mapper, Mapper):
+        config = config.model_copy(update={"mapper": mapper.config})
+    if mapper is None and len(material.frames) < config.mapper.n_init:
         raise ConfigError(
             f"{material.source}: the first node needs n_init = {config.mapper.n_init} images but there are only "
             f"{len(material.frames)}; lower n_init or give a longer sequence"
         )
-    writer = RunWriter(folder, _manifest(material, config), overwrite=overwrite)
+    method = _method(config, mapper)
+    writer = RunWriter(folder, _manifest(material, config, method), overwrite=overwrite)
+    mapper = mapper or Mapper(config.mapper, ImageMemory(threads=os.cpu_count() or 1))
     sink = None
     try:
         if recording:
             sink = RecordingSink(writer.folder / RECORDING, material, config, recording)
-        return _run(material, config, writer, sink, progress)
+        return _run(material, config, mapper, method, writer, sink, progress)
     except KeyboardInterrupt:
         writer.abandon("interrupted", "interrupted by the user")
         raise
@@ -204,12 +214,13 @@ class _Trace:
 def _run(
     material: Material,
     config: Config,
+    mapper: IncrementalMapper,
+    method: dict[str, Any],
     writer: RunWriter,
     sink: RecordingSink | None,
     progress: Progress | None,
 ) -> Run:
     started = time.perf_counter()
-    mapper = Mapper(config.mapper, ImageMemory(threads=os.cpu_count() or 1))
     trace = _Trace()
     for frame, described, step, milliseconds in _steps(mapper, material):
         trace.add(described, step, milliseconds)
@@ -228,7 +239,7 @@ def _run(
         "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
         "transitions": transitions_frame(final),
     }
-    run = writer.complete(tables, _outcome(material, config, trace, evaluation, seconds))
+    run = writer.complete(tables, _outcome(material, method, trace, evaluation, seconds))
     if sink is None:
         return run
     # Only now, when nothing that happens to the view can touch the record any more.
@@ -237,11 +248,12 @@ def _run(
     return writer.annotate({"recording_failure": sink.failure})
 
 
-def _steps(mapper: Mapper, material: Material) -> Iterator[tuple[Frame, DescribedFrame, Step, float]]:
+def _steps(mapper: IncrementalMapper, material: Material) -> Iterator[tuple[Frame, DescribedFrame, Step, float]]:
     """Yield every frame with its step and the time it took, in milliseconds."""
     for block in blocks(zip(material.frames, material.described, strict=True), AHEAD):
         before = time.perf_counter()
-        mapper.expect([described.description for _, described in block])
+        if isinstance(mapper, Mapper):
+            mapper.expect([described.description for _, described in block])
         ahead = (time.perf_counter() - before) / max(1, len(block))
         for frame, described in block:
             before = time.perf_counter()
@@ -249,7 +261,14 @@ def _steps(mapper: Mapper, material: Material) -> Iterator[tuple[Frame, Describe
             yield frame, described, step, 1e3 * (time.perf_counter() - before + ahead)
 
 
-def _manifest(material: Material, config: Config) -> dict[str, Any]:
+def _method(config: Config, mapper: IncrementalMapper | None) -> dict[str, Any]:
+    """Return what determines the decisions: the parameters, or the name of a mapper that need not heed them."""
+    if mapper is None or isinstance(mapper, Mapper):
+        return config.mapper.model_dump(mode="json")
+    return {"class": f"{type(mapper).__module__}.{type(mapper).__qualname__}"}
+
+
+def _manifest(material: Material, config: Config, method: dict[str, Any]) -> dict[str, Any]:
     """Return what ``run.json`` says when the run begins."""
     return {
         "source": material.source,
@@ -257,6 +276,7 @@ def _manifest(material: Material, config: Config) -> dict[str, Any]:
         "frames": len(material.frames),
         "descriptor": material.descriptor,
         "orientation_cells": material.cells,
+        "mapper": method.get("class", "omnieval"),
         "configuration": config.model_dump(mode="json"),
         "versions": versions(),
         "code": code_digest(),
@@ -264,11 +284,11 @@ def _manifest(material: Material, config: Config) -> dict[str, Any]:
 
 
 def _outcome(
-    material: Material, config: Config, trace: _Trace, evaluation: Evaluation, seconds: float
+    material: Material, method: dict[str, Any], trace: _Trace, evaluation: Evaluation, seconds: float
 ) -> dict[str, Any]:
     """Return what ``run.json`` says besides when the run is complete."""
     fingerprint = dataset_fingerprint(material.frames, trace.digests)
-    determining = {"mapper": config.mapper.model_dump(mode="json"), **material.determining}
+    determining = {"mapper": method, **material.determining}
     return {
         "dataset_fingerprint": fingerprint,
         "identity": identity(determining, fingerprint),

@@ -16,6 +16,7 @@ from omnieval.recording.records import RecordingOptions
 from omnieval.render import render
 from omnieval.results.run_folder import open_run
 from omnieval.results.schemas import DECISIONS, NODES, STEPS, TRANSITIONS
+from tests.test_testing import Slices
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
 
@@ -130,6 +131,24 @@ def test_the_mapper_alone_on_an_archive_decides_the_same(run, panoramas, tmp_pat
         describe_archive(load(panoramas), archive)
     with np.load(archive, allow_pickle=False) as arrays:
         assert set(arrays.files) == {"position", "orientation", "file", "xy", "yaw", "room", "time_ns"}
+
+
+def test_a_mapper_of_ones_own_is_replayed_recorded_and_rebuilt(run, panoramas, tmp_path):
+    own = replay(panoramas, mapper=Slices(), out=tmp_path / "own", recording=RecordingOptions())
+    assert own.manifest["mapper"] == "tests.test_testing.Slices"
+    assert own.steps["node_final"].to_list() == [frame // 25 + 1 for frame in range(80)]
+    assert own.metrics["nodes"] == len(own.nodes) == 4
+    assert own.manifest["identity"] != run.manifest["identity"]
+    assert own.manifest["recording_failure"] is None
+    own.recording.unlink()
+    assert render(own).exists()
+
+
+def test_omnievals_mapper_may_be_given_too(run, panoramas, tmp_path):
+    given = replay(panoramas, mapper=omnieval.Mapper(omnieval.configure(CONFIG).mapper), out=tmp_path / "given")
+    assert given.manifest["mapper"] == run.manifest["mapper"] == "omnieval"
+    assert given.manifest["identity"] == run.manifest["identity"]
+    assert given.manifest["configuration"] == run.manifest["configuration"]
 
 
 def test_render_rebuilds_the_recording_from_tables_and_images(run):

@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 
 import omnieval
 from omnieval.datasets import Sequence
-from omnieval.loop import describe_archive
 from omnieval.mapping.step import EventKind, FinalMap, NodeEvent, Placement, Step, Verdict
-from omnieval.metrics.evaluation import evaluate
 from omnieval.testing import IncrementalMapper, check_descriptor, check_mapper
 
 SHOWN = ("nodes", "silhouette", "silhouette_image", "silhouette_time_slices", "rooms_ari", "share_assigned")
@@ -123,14 +121,10 @@ class NearestCentroid:
 
 
 def judge(sequence: Sequence, descriptor: omnieval.Descriptor | None, mapper: IncrementalMapper) -> dict[str, Any]:
-    """Run a mapper over a sequence and return the metrics of its map; None stands for HOG."""
+    """Replay a sequence and return the metrics of its map; without a descriptor, HOG."""
     with tempfile.TemporaryDirectory() as folder:
-        archive = describe_archive(sequence, Path(folder) / "described.npz", descriptor=descriptor)
-    for frame in range(len(sequence)):
-        mapper.step(archive.description(frame))
-    final = mapper.finish()
-    judged = evaluate(final.labels, final.placements, sequence.positions, rooms=sequence.rooms, seed=0)
-    return {name: judged.metrics[name] for name in SHOWN}
+        run = omnieval.replay(sequence, descriptor=descriptor, mapper=mapper, out=Path(folder) / "run")
+        return {name: run.metrics[name] for name in SHOWN}
 
 
 def main(source: str = "synthetic", limit: int | None = None) -> pl.DataFrame:

@@ -4,25 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
 from omnieval.descriptors.description import Description
+from omnieval.mapping.interface import IncrementalMapper
 from omnieval.mapping.step import EventKind, FinalMap, NodeEvent, Placement, Step, Verdict
 from omnieval.testing.contract import require, same
-
-
-class IncrementalMapper(Protocol):
-    """What `check_mapper` checks: `omnieval.Mapper` and whatever can stand in its place."""
-
-    def step(self, description: Description) -> Step:
-        """Decide about the next image."""
-        ...
-
-    def finish(self) -> FinalMap:
-        """Return the partition of all images so far."""
-        ...
 
 
 def check_mapper(factory: Callable[[], IncrementalMapper], descriptions: Iterable[Description] | None = None) -> None:
