@@ -36,6 +36,11 @@ class Region(Protocol):
         ...
 
     @property
+    def alone(self) -> bool:
+        """Whether it is one configuration, which never parts."""
+        ...
+
+    @property
     def representative(self) -> MapperConfig:
         """One of them."""
         ...
@@ -60,13 +65,18 @@ class Points:
         return len(self.configs)
 
     @property
+    def alone(self) -> bool:
+        """See `Region`."""
+        return len(self.configs) == 1
+
+    @property
     def representative(self) -> MapperConfig:
         """See `Region`."""
         return self.configs[0]
 
     def split(self, comparisons: Sequence[Comparison]) -> tuple[Points, list[Points]]:
         """See `Region`."""
-        if len(self.configs) == 1:
+        if self.alone:
             return self, []
         alike = tuple(config for config in self.configs if _same(comparisons, config))
         others = tuple(config for config in self.configs if not _same(comparisons, config))
@@ -86,6 +96,11 @@ class Interval:
     def count(self) -> int:
         """See `Region`."""
         return 1
+
+    @property
+    def alone(self) -> bool:
+        """See `Region`."""
+        return False
 
     @property
     def representative(self) -> MapperConfig:
@@ -233,8 +248,8 @@ def _decide(branch: Branch[R], frame: int) -> Iterator[tuple[Branch[R], Step]]:
     while waiting:
         started = time.perf_counter()
         region = waiting.pop()
-        lonely = isinstance(region, Points) and region.count == 1 and region is branch.region
-        mapper = branch.mapper if lonely else branch.mapper.fork(region.representative)
+        stays = region is branch.region and region.alone  # nobody needs the mapper as it is now
+        mapper = branch.mapper if stays else branch.mapper.fork(region.representative)
         step = mapper.decide(frame)
         alike, others = region.split(step.comparisons)
         waiting += others
