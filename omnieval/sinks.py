@@ -19,6 +19,7 @@ from omnieval.mapping.step import FinalMap, Step
 from omnieval.material import Material
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.metrics.running import SilhouetteSoFar
+from omnieval.recording.pictures import step_images
 from omnieval.recording.recorder import Recorder
 from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
 from omnieval.results.summary import configuration_page, metrics_page
@@ -53,9 +54,11 @@ class RecordingSink:
         self._pictures = material.pictures if options.images else None
         self._silhouette = SilhouetteSoFar(material.positions) if material.positions is not None else None
         self._page = configuration_page(material.name, material.source, config.mapper.model_dump(mode="json"))
+        self._cells = material.cells
         self._picture_failure: str | None = None
         self._recorder = Recorder(path, _info(material, config, self._page), options)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="recorder")
+        self._painter = ThreadPoolExecutor(1, thread_name_prefix="painter")
         self._waiting: deque[Future[None]] = deque()
 
     @property
@@ -65,7 +68,8 @@ class RecordingSink:
 
     def step(self, step: Step, frame: Frame, milliseconds: float) -> None:
         """Record a step, soon: pictures take longer than decisions, and a core may be idle."""
-        self._waiting.append(self._thread.submit(self._record, step, frame, milliseconds))
+        images = self._painter.submit(self._images, step)
+        self._waiting.append(self._thread.submit(self._record, step, frame, milliseconds, images))
         if len(self._waiting) > _MOST_WAITING:
             self._waiting.popleft().result()
 
@@ -79,6 +83,7 @@ class RecordingSink:
         try:
             self._settle()
         finally:
+            self._painter.shutdown()
             self._thread.shutdown()
             self._recorder.close()
 
@@ -87,7 +92,7 @@ class RecordingSink:
         while self._waiting:
             self._waiting.popleft().result()
 
-    def _record(self, step: Step, frame: Frame, milliseconds: float) -> None:
+    def _record(self, step: Step, frame: Frame, milliseconds: float, images: Future[StepImages | None]) -> None:
         pose = frame.pose
         view = StepView(
             step=step,
@@ -98,16 +103,18 @@ class RecordingSink:
             time_ns=frame.time_ns,
             silhouette=self._silhouette.apply(step) if self._silhouette else None,
         )
-        self._recorder.log(view, images=self._images(step))
+        self._recorder.log(view, images=images.result())
 
     def _images(self, step: Step) -> StepImages | None:
         if self._pictures is None or not self._recorder.wants_images(step.frame):
             return None
         try:
-            return StepImages(
-                panorama=self._pictures.panorama(step.frame),
-                omnidirectional=self._pictures.omnidirectional(step.frame),
-                match=self._pictures.panorama(step.match.best_frame) if step.match else None,
+            return step_images(
+                self._pictures.panorama(step.frame),
+                self._pictures.omnidirectional(step.frame),
+                self._pictures.panorama(step.match.best_frame) if step.match else None,
+                shift=step.match.shift if step.match else 0,
+                cells=self._cells,
             )
         except DatasetError as error:
             # Descriptions come from the cache, so that an image can have gone since; the results do not need it.

@@ -19,7 +19,6 @@ from omnieval.recording import layout
 from omnieval.recording.blueprint import build_blueprint
 from omnieval.recording.evidence import curve_rows, decision_state, gate_rows, plot_rows, why_rows, word_rows
 from omnieval.recording.overview import Overview
-from omnieval.recording.pictures import encode_omnidirectional, encode_panorama, turn
 from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
 from omnieval.recording.rows import Picture, Row, State, Words
 from omnieval.recording.stream import Stream
@@ -99,7 +98,7 @@ class Recorder:
         if self._detailed(step.frame):
             rows += [*gate_rows(step.gate), *curve_rows(step.match, gamma)]
         if images is not None and self.wants_images(step.frame):
-            rows += self._image_rows(view, images)
+            rows += _image_rows(images)
         self._stream.add(rows)
 
     def finish(self, final: FinalMap | None, description: str) -> None:
@@ -166,13 +165,9 @@ class Recorder:
         )
         return decision(step, here, best, revisit)
 
-    def _image_rows(self, view: StepView, images: StepImages) -> list[tuple[str, Row]]:
-        match = view.step.match
-        rows: list[tuple[str, Row]] = [(layout.PANORAMA, Picture(encode_panorama(images.panorama)))]
-        if images.omnidirectional is not None:
-            picture = Picture(encode_omnidirectional(images.omnidirectional))
-            rows.append((layout.OMNIDIRECTIONAL, picture))
-        turned = None
-        if match is not None and images.match is not None:
-            turned = encode_panorama(turn(images.match, match.shift, self._info.cells))
-        return [*rows, (layout.BEST_MATCH, Picture(turned))]
+
+def _image_rows(images: StepImages) -> list[tuple[str, Row]]:
+    rows: list[tuple[str, Row]] = [(layout.PANORAMA, Picture(images.panorama))]
+    if images.omnidirectional is not None:
+        rows.append((layout.OMNIDIRECTIONAL, Picture(images.omnidirectional)))
+    return [*rows, (layout.BEST_MATCH, Picture(images.match))]

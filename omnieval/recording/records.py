@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnieval.errors import ConfigError
 from omnieval.explain.capture import Capture
 from omnieval.mapping.config import MapperConfig
@@ -125,18 +122,18 @@ class StepView:
 
 @dataclass(frozen=True)
 class StepImages:
-    """The pictures of a step, all uint8 BGR.
+    """The pictures of a step, compressed to JPEG; `pictures.step_images` makes them.
 
     Attributes
     ----------
     panorama
-        The new image, unwrapped, shape (h, w, 3).
+        The new image, unwrapped.
     omnidirectional
-        The new image as the camera took it, shape (H, W, 3); None for panoramic input.
+        The new image as the camera took it; None for panoramic input.
     match
-        Panorama of the most similar image of the map, not turned, shape (h, w, 3); None without a match.
+        Panorama of the most similar image of the map, turned to the new image's heading; None without a match.
     """
 
-    panorama: NDArray[np.uint8]
-    omnidirectional: NDArray[np.uint8] | None
-    match: NDArray[np.uint8] | None
+    panorama: bytes
+    omnidirectional: bytes | None
+    match: bytes | None

@@ -21,7 +21,8 @@ from omnieval.mapping.step import (
     Step,
     Verdict,
 )
-from omnieval.recording.records import RecordingInfo, StepImages, StepView
+from omnieval.recording.pictures import step_images
+from omnieval.recording.records import RecordingInfo, StepView
 from omnieval.recording.rows import Row
 
 GAMMA = 5.0
@@ -151,7 +152,8 @@ def picture(shape, seed):
 def images(a_step, *, shape=PANORAMA_SHAPE, omnidirectional=(48, 64, 3)):
     a_match = picture(shape, a_step.match.best_frame) if a_step.match is not None else None
     camera = None if omnidirectional is None else picture(omnidirectional, a_step.frame)
-    return StepImages(picture(shape, a_step.frame), camera, a_match)
+    shift = a_step.match.shift if a_step.match is not None else 0
+    return step_images(picture(shape, a_step.frame), camera, a_match, shift=shift, cells=CELLS)
 
 
 def final(labels, *, nodes=(1, 2), active=(1,)):
