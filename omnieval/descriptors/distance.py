@@ -30,6 +30,10 @@ _TILE = 64
 """Images compared at once. Tiles are whole and aligned, so that a distance has the same bits whoever asks for it."""
 
 
+_TOGETHER = 8
+"""Images compared with a tile at once: few enough to stay in the processor's cache, many enough to hide Python."""
+
+
 @dataclass(frozen=True, slots=True)
 class Distances:
     """An image compared with m others.
@@ -101,7 +105,7 @@ class DescriptionStore:
         if len(missing):
             asked = self._query(query)
             for tile in missing.tolist():
-                self._fill(row, asked, tile)
+                self._fill([row], [asked], tile)
         return Distances(row.position[others], row.orientation[others], row.shifts[others])
 
     def expect(self, descriptions: Sequence[Description]) -> None:
@@ -128,8 +132,9 @@ class DescriptionStore:
             row.reach(len(self._tiles))
 
         def fill(tile: int) -> None:
-            for query, row in rows.items():
-                self._fill(row, queries[query], tile)
+            for number in range(0, len(rows), _TOGETHER):
+                some = list(rows)[number : number + _TOGETHER]
+                self._fill([rows[query] for query in some], [queries[query] for query in some], tile)
 
         if self._threads == 1:
             for tile in tiles:
@@ -142,11 +147,13 @@ class DescriptionStore:
     def _query(self, query: int) -> _Query:
         return self._tiles[query // _TILE].query(query % _TILE)
 
-    def _fill(self, row: _Row, query: _Query, number: int) -> None:
+    def _fill(self, rows: Sequence[_Row], queries: Sequence[_Query], number: int) -> None:
+        """Compare some images with those of one tile."""
         tile = self._tiles[number]
-        difference = tile.positions - query.position
-        position = np.sqrt(np.einsum("kd,kd->k", difference, difference))
-        row.put(number, position, *tile.align(query))
+        orientations, shifts = tile.align(queries)
+        for row, query, orientation, shift in zip(rows, queries, orientations, shifts, strict=True):
+            difference = tile.positions - query.position
+            row.put(number, np.sqrt(np.einsum("kd,kd->k", difference, difference)), orientation, shift)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,20 +213,23 @@ class _Tile:
             float(self.squares[place]),
         )
 
-    def align(self, query: _Query) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return orientation distances and shifts, shape (tile,) each."""
+    def align(self, queries: Sequence[_Query]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return orientation distances and shifts of q images, shape (q, tile) each.
+
+        Every operation is one on each image by itself, so that no result depends on the company.
+        """
         cells = self.orientations.shape[1]
-        products = np.matmul(query.spectrum, self.conjugates)[:, 0]
-        # One image a row, so that what looks for the best shift reads along memory.
-        correlation = irfft(np.ascontiguousarray(products.T), cells, axis=1)
-        scale = query.square + self.squares
+        products = np.matmul(np.stack([query.spectrum for query in queries]), self.conjugates)[:, :, 0]
+        # One pair a row, so that what looks for the best shift reads along memory.
+        correlation = irfft(np.ascontiguousarray(products.transpose(0, 2, 1)), cells, axis=2)
+        scale = np.array([[query.square] for query in queries]) + self.squares
         # Rounding must not choose among shifts that are equally good.
-        best = correlation.max(axis=1) - _ROUNDING * scale
-        shifts = (correlation >= best[:, np.newaxis]).argmax(axis=1)
-        squared = scale - 2.0 * correlation[np.arange(_TILE), shifts]
-        for place in np.flatnonzero(squared <= _CANCELLATION * scale).tolist():
-            rolled = np.roll(self.orientations[place], int(shifts[place]), axis=0)
-            squared[place] = np.square(query.orientation.astype(np.float64) - rolled).sum()
+        best = correlation.max(axis=2) - _ROUNDING * scale
+        shifts = (correlation >= best[:, :, np.newaxis]).argmax(axis=2)
+        squared = scale - 2.0 * np.take_along_axis(correlation, shifts[:, :, np.newaxis], axis=2)[:, :, 0]
+        for number, place in np.argwhere(squared <= _CANCELLATION * scale).tolist():
+            rolled = np.roll(self.orientations[place], int(shifts[number, place]), axis=0)
+            squared[number, place] = np.square(queries[number].orientation.astype(np.float64) - rolled).sum()
         return np.sqrt(squared), shifts
 
 
