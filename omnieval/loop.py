@@ -189,8 +189,11 @@ def run(
         writer.abandon("failed", str(error))
         raise
     finally:
-        if sink:
-            sink.close()
+        try:
+            if sink:
+                sink.close()
+        finally:
+            writer.release()
 
 
 @dataclass

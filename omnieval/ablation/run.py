@@ -352,7 +352,10 @@ def _closing(manifest: Manifest) -> Iterator[None]:
         status = "interrupted"
         raise
     finally:
-        manifest.close(status, {})
+        try:
+            manifest.close(status, {})
+        finally:
+            manifest.release()
 
 
 def job_states(plan: Plan, out: Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:

@@ -104,7 +104,10 @@ def write_report(
         status = "interrupted"
         raise
     finally:
-        manifest.close(status, {})
+        try:
+            manifest.close(status, {})
+        finally:
+            manifest.release()
     return Report(folder, content, tuple(files))
 
 

@@ -50,5 +50,8 @@ class PartitionWriter:
 
     def close(self, status: str, manifest: dict[str, Any]) -> dict[str, Any]:
         """Close the folder as ``complete``, ``interrupted`` or ``failed`` and return what ``run.json`` says."""
-        self._manifest.close(status, {**manifest, "content_hashes": {"baseline": content_hash(self.table)}})
+        try:
+            self._manifest.close(status, {**manifest, "content_hashes": {"baseline": content_hash(self.table)}})
+        finally:
+            self._manifest.release()
         return self._manifest.content

@@ -184,6 +184,10 @@ class RunWriter:
         finally:
             self._manifest.release()
 
+    def release(self) -> None:
+        """Let others write the folder; calling it again does nothing."""
+        self._manifest.release()
+
     def _file_digests(self) -> dict[str, str]:
         """Return the digests of the tables as they are on disk."""
         files = [path for name in TABLES if (path := self.folder / f"{name}.parquet").exists()]
