@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
@@ -176,13 +175,13 @@ def run_plan(
     work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
     if not resume:
         manifest = store.create(guard, overwrite=overwrite)
-        with _closing(manifest):
+        with manifest.closing():
             return _finish(work, work.describe(manifest), manifest, csv=csv, record_best=record_best)
     described = work.describe(None)
     prints = {"dataset_fingerprints": fingerprints(described)}
     store.check(prints)
     manifest = store.resume(guard | prints)
-    with _closing(manifest):
+    with manifest.closing():
         return _finish(work, described, manifest, csv=csv, record_best=record_best)
 
 
@@ -339,23 +338,6 @@ def best_run(table: pl.DataFrame) -> int | None:
     """Return the job with the highest silhouette, the first of equals; None if no run has one."""
     scored = table.drop_nulls("silhouette")
     return None if scored.is_empty() else int(scored["job"][int(scored["silhouette"].arg_max() or 0)])
-
-
-@contextmanager
-def _closing(manifest: Manifest) -> Iterator[None]:
-    """Say in ``run.json`` how the block ended, however it ends."""
-    status = "failed"
-    try:
-        yield
-        status = "complete"
-    except KeyboardInterrupt:
-        status = "interrupted"
-        raise
-    finally:
-        try:
-            manifest.close(status, {})
-        finally:
-            manifest.release()
 
 
 def job_states(plan: Plan, out: Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:

@@ -96,18 +96,8 @@ def write_report(
     about["versions"] = {name: version(name) for name in ("omnieval", "altair", "vl-convert-python")}
     earlier = _earlier(folder)
     manifest = Manifest(folder, KIND, about, files=earlier, overwrite=overwrite)
-    status = "failed"
-    try:
+    with manifest.closing():
         _write(folder, files)
-        status = "complete"
-    except KeyboardInterrupt:
-        status = "interrupted"
-        raise
-    finally:
-        try:
-            manifest.close(status, {})
-        finally:
-            manifest.release()
     return Report(folder, content, tuple(files))
 
 

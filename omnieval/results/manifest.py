@@ -7,7 +7,8 @@ else in it, or that another process writes.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
@@ -28,8 +29,8 @@ class Manifest:
     Parameters
     ----------
     folder
-        Created, with its parents. Nobody else can write it as long as this object lives, or until it is closed as
-        anything but ``complete``.
+        Created, with its parents. Nobody else can write it until `release`, or until it is closed as anything but
+        ``complete``.
     kind
         What the folder holds, in a word.
     content
@@ -104,6 +105,22 @@ class Manifest:
             self.update({**content, "status": status, "finished": _now()})
         finally:
             if status != "complete":
+                self.release()
+
+    @contextmanager
+    def closing(self) -> Iterator[None]:
+        """Say how the block ended, however it ends, and let others write the folder."""
+        status = "failed"
+        try:
+            yield
+            status = "complete"
+        except KeyboardInterrupt:
+            status = "interrupted"
+            raise
+        finally:
+            try:
+                self.close(status, {})
+            finally:
                 self.release()
 
     def release(self) -> None:
