@@ -1,37 +1,32 @@
 """How far images are from each other: position descriptors as they are, orientation descriptors at their best roll.
 
-A rotation of the robot rolls the orientation descriptor, so two are compared at the roll that aligns them best
-(section 4.2 of Román et al., doi 10.3390/app10186480), by FFT over the cells, for all rolls s at once::
-
-    dist(q, k) = min_s ||q - roll(k, s)||,   ||q - roll(k, s)||^2 = ||q||^2 + ||k||^2 - 2 corr(s)
-
-with corr the sum over bins of the circular cross-correlation along the cells.
+Images are compared in fixed groups, `_TOGETHER` with `_TILE` others, because a processor is fast at that, and because a
+distance must have the same bits whoever asks for it, and for what else at the same time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, rfft
 
+from omnieval.descriptors.alignment import as_query, best_rolls, correlations, spectrum
 from omnieval.descriptors.description import Description
 
 _CANCELLATION = 1e-9
 """Below this share of the squared norms the closed form has lost its digits and the distance is computed directly."""
 
-_ROUNDING = 1e-13
-"""Relative error of a correlation."""
-
-_TILE = 64
-"""Images compared at once. Tiles are whole and aligned, so that a distance has the same bits whoever asks for it."""
-
+_TILE = 31
+"""Others at once: odd, so that rows of pairs do not all fall on the same lines of the processor's cache."""
 
 _TOGETHER = 8
-"""Images compared with a tile at once: few enough to stay in the processor's cache, many enough to hide Python."""
+"""Images at once: few enough to want nearly the same others, many enough to be worth a matrix product."""
+
+_WORTH_A_THREAD = 8
+"""Tiles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,174 +58,213 @@ class DescriptionStore:
     Parameters
     ----------
     threads
-        To compare with, where several images are compared at once.
+        To compare with, where an image is compared with many.
     """
 
     def __init__(self, threads: int = 1) -> None:
         self._threads = threads
         self._count = 0
+        self._expected = 0
+        self._anticipated: frozenset[int] = frozenset()
         self._tiles: list[_Tile] = []
+        self._group = _Group.none()
         self._rows: dict[int, _Row] = {}
-        self._expected: dict[int, _Query] = {}
-        self._asked: set[int] = set()
 
     def __len__(self) -> int:
         return self._count
 
     def append(self, description: Description) -> int:
         """Keep a description and return its number."""
-        tile, place = divmod(self._count, _TILE)
-        if tile == len(self._tiles):
-            self._tiles.append(_Tile.empty(len(description.position), *description.orientation.shape))
-        self._tiles[tile].put(place, description)
-        for row in self._rows.values():
-            row.forget(tile)
-        expected = self._expected.pop(self._count, None)
-        if expected is not None and not expected.is_of(description):
-            self._rows.pop(self._count, None)
+        if not (self._expected and self._tiles[self._count // _TILE].has(self._count % _TILE, description)):
+            self._expected = 0
+            self._put(self._count, description)
+        else:
+            self._expected -= 1
         self._count += 1
         return self._count - 1
 
     def compare(self, query: int, others: NDArray[np.int64]) -> Distances:
         """Compare an image with others, by their numbers, shape (m,)."""
-        row = self._rows.get(query)
-        if row is None:
-            row = _Row()
-            self._rows = {query: row}
-        row.reach(len(self._tiles))
+        if query // _TOGETHER != self._group.number:
+            self._rows = {}
+        row = self._row(query)
         wanted = np.zeros(len(self._tiles), np.bool_)
         wanted[others // _TILE] = True
-        self._asked.update(np.flatnonzero(wanted).tolist())
         missing = np.flatnonzero(wanted & ~row.known)
         if len(missing):
-            asked = self._query(query)
-            for tile in missing.tolist():
-                self._fill([row], [asked], tile)
+            self._fill(query, missing.tolist())
         return Distances(row.position[others], row.orientation[others], row.shifts[others])
 
     def expect(self, descriptions: Sequence[Description]) -> None:
-        """Compare the images that come next with those that were asked for of late, which is faster all at once.
+        """Get to know the descriptions that come next, which are then compared together.
 
         A hint: what `compare` returns does not depend on it.
         """
-        queries = {self._count + number: _Query.of(description) for number, description in enumerate(descriptions)}
-        tiles = sorted(self._asked)
-        self._asked.clear()
-        self._expected = queries
-        self._remember(queries, tiles)
+        for place, description in enumerate(descriptions):
+            self._put(self._count + place, description)
+        self._expected = len(descriptions)
 
     def anticipate(self, queries: Iterable[int]) -> None:
-        """Compare some images that are here with all others, which is faster all at once.
+        """Get to know which images are compared next, which are then compared together.
 
         A hint: what `compare` returns does not depend on it.
         """
-        self._remember({query: self._query(query) for query in queries}, range(len(self._tiles)))
+        self._anticipated = frozenset(queries)
 
-    def _remember(self, queries: Mapping[int, _Query], tiles: Iterable[int]) -> None:
-        rows = {query: _Row() for query in queries}
-        for row in rows.values():
-            row.reach(len(self._tiles))
+    def _put(self, number: int, description: Description) -> None:
+        tile, place = divmod(number, _TILE)
+        if tile == len(self._tiles):
+            self._tiles.append(_Tile.empty(len(description.position), *description.orientation.shape))
+        self._tiles[tile].put(place, description)
+        self._rows.pop(number, None)
+        for row in self._rows.values():
+            row.forget(tile)
+        if number // _TOGETHER == self._group.number:
+            self._group = _Group.none()
 
-        def fill(tile: int) -> None:
-            for number in range(0, len(rows), _TOGETHER):
-                some = list(rows)[number : number + _TOGETHER]
-                self._fill([rows[query] for query in some], [queries[query] for query in some], tile)
+    def _row(self, query: int) -> _Row:
+        row = self._rows.setdefault(query, _Row())
+        row.reach(len(self._tiles))
+        return row
 
-        if self._threads == 1:
-            for tile in tiles:
-                fill(tile)
+    def _fill(self, query: int, tiles: Sequence[int]) -> None:
+        """Compare an image with some tiles, and with it those that will be asked about after it."""
+        group, place = divmod(query, _TOGETHER)
+        if group != self._group.number:
+            self._group = self._grouped(group)
+        after = [number for number in range(query, (group + 1) * _TOGETHER) if self._is_next(number)]
+        last = max([query, *after]) % _TOGETHER + 1
+        rows = [self._row(group * _TOGETHER + number) for number in range(place, last)]
+
+        def fill(some: Sequence[int]) -> None:
+            for number in some:
+                compared = self._group.compare(self._tiles[number], place, last)
+                for row, position, orientation, shifts in zip(rows, *compared, strict=True):
+                    row.put(number, position, orientation, shifts)
+
+        threads = min(self._threads, len(tiles) // _WORTH_A_THREAD)
+        if threads < 2:
+            fill(tiles)
         else:
-            with ThreadPoolExecutor(self._threads) as pool:
-                list(pool.map(fill, tiles))
-        self._rows = rows
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(fill, [tiles[first::threads] for first in range(threads)]))
 
-    def _query(self, query: int) -> _Query:
-        return self._tiles[query // _TILE].query(query % _TILE)
+    def _is_next(self, number: int) -> bool:
+        return self._count <= number < self._count + self._expected or number in self._anticipated
 
-    def _fill(self, rows: Sequence[_Row], queries: Sequence[_Query], number: int) -> None:
-        """Compare some images with those of one tile."""
-        tile = self._tiles[number]
-        orientations, shifts = tile.align(queries)
-        for row, query, orientation, shift in zip(rows, queries, orientations, shifts, strict=True):
-            difference = tile.positions - query.position
-            row.put(number, np.sqrt(np.einsum("kd,kd->k", difference, difference)), orientation, shift)
-
-
-@dataclass(frozen=True, slots=True)
-class _Query:
-    """An image to compare: its descriptors, spectrum of shape (frequencies, 1, bins), and squared norm."""
-
-    position: NDArray[np.float64]
-    orientation: NDArray[np.float32]
-    spectrum: NDArray[np.complex128]
-    square: float
-
-    @classmethod
-    def of(cls, description: Description) -> _Query:
-        tile = _Tile.empty(len(description.position), *description.orientation.shape, images=1)
-        tile.put(0, description)
-        return tile.query(0)
-
-    def is_of(self, description: Description) -> bool:
-        return np.array_equal(self.position, description.position) and np.array_equal(
-            self.orientation, description.orientation
-        )
+    def _grouped(self, group: int) -> _Group:
+        """Return the group of images, as far as they are known."""
+        numbers = range(group * _TOGETHER, min((group + 1) * _TOGETHER, self._count + self._expected))
+        return _Group.of(group, [(self._tiles[number // _TILE], number % _TILE) for number in numbers])
 
 
 @dataclass(frozen=True, slots=True)
 class _Tile:
-    """Some images; of orientation descriptors also the conjugate spectra and the squared norms.
+    """Some images, as those that others are compared with.
 
-    Shapes (tile, d), (tile, cells, bins), (frequencies, bins, tile), (tile,).
+    Attributes
+    ----------
+    positions
+        Shape (tile, d).
+    orientations
+        Shape (tile, cells, bins).
+    spectra
+        Shape (frequencies, 2 bins, tile).
+    squares
+        Squared norms of positions and of orientations, shape (2, tile).
     """
 
     positions: NDArray[np.float64]
     orientations: NDArray[np.float32]
-    conjugates: NDArray[np.complex128]
+    spectra: NDArray[np.float64]
     squares: NDArray[np.float64]
 
     @classmethod
-    def empty(cls, dimensions: int, cells: int, bins: int, *, images: int = _TILE) -> _Tile:
+    def empty(cls, dimensions: int, cells: int, bins: int) -> _Tile:
         return cls(
-            np.zeros((images, dimensions)),
-            np.zeros((images, cells, bins), np.float32),
-            np.zeros((cells // 2 + 1, bins, images), np.complex128),
-            np.zeros(images),
+            np.zeros((_TILE, dimensions)),
+            np.zeros((_TILE, cells, bins), np.float32),
+            np.zeros((cells // 2 + 1, 2 * bins, _TILE)),
+            np.zeros((2, _TILE)),
         )
 
     def put(self, place: int, description: Description) -> None:
         exact = description.orientation.astype(np.float64)
         self.positions[place] = description.position
         self.orientations[place] = description.orientation
-        self.conjugates[:, :, place] = rfft(exact, axis=0).conj()
-        self.squares[place] = np.square(exact).sum()
+        self.spectra[:, :, place] = spectrum(exact)
+        self.squares[:, place] = np.square(self.positions[place]).sum(), np.square(exact).sum()
 
-    def query(self, place: int) -> _Query:
-        return _Query(
-            self.positions[place],
-            self.orientations[place],
-            np.ascontiguousarray(self.conjugates[:, :, place].conj())[:, np.newaxis],
-            float(self.squares[place]),
+    def has(self, place: int, description: Description) -> bool:
+        return np.array_equal(self.positions[place], description.position) and np.array_equal(
+            self.orientations[place], description.orientation
         )
 
-    def align(self, queries: Sequence[_Query]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return orientation distances and shifts of q images, shape (q, tile) each.
 
-        Every operation is one on each image by itself, so that no result depends on the company.
-        """
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Some images, as those that are compared with others: places of images not there are zero.
+
+    Attributes
+    ----------
+    number
+        Which; -1 if none.
+    positions, orientations, squares
+        As in a tile.
+    queries
+        Shape (frequencies, 2 group, 2 bins).
+    """
+
+    number: int
+    positions: NDArray[np.float64]
+    orientations: NDArray[np.float32]
+    squares: NDArray[np.float64]
+    queries: NDArray[np.float64]
+
+    @classmethod
+    def none(cls) -> _Group:
+        return cls(-1, *(np.empty(0) for _ in range(4)))
+
+    @classmethod
+    def of(cls, number: int, images: Sequence[tuple[_Tile, int]]) -> _Group:
+        tile = images[0][0]
+        positions = np.zeros((_TOGETHER, tile.positions.shape[1]))
+        orientations = np.zeros((_TOGETHER, *tile.orientations.shape[1:]), np.float32)
+        squares = np.zeros((2, _TOGETHER))
+        spectra = np.zeros((*tile.spectra.shape[:2], _TOGETHER))
+        for to, (tile, place) in enumerate(images):
+            positions[to], orientations[to] = tile.positions[place], tile.orientations[place]
+            squares[:, to], spectra[:, :, to] = tile.squares[:, place], tile.spectra[:, :, place]
+        return cls(number, positions, orientations, squares, as_query(spectra))
+
+    def compare(
+        self, tile: _Tile, first: int, last: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        """Return distances of positions and of orientations, and shifts, of some of these images from a tile's."""
+        scales = self.squares[:, first:last, np.newaxis] + tile.squares[:, np.newaxis]
         cells = self.orientations.shape[1]
-        products = np.matmul(np.stack([query.spectrum for query in queries]), self.conjugates)[:, :, 0]
-        # One pair a row, so that what looks for the best shift reads along memory.
-        correlation = irfft(np.ascontiguousarray(products.transpose(0, 2, 1)), cells, axis=2)
-        scale = np.array([[query.square] for query in queries]) + self.squares
-        # Rounding must not choose among shifts that are equally good.
-        best = correlation.max(axis=2) - _ROUNDING * scale
-        shifts = (correlation >= best[:, :, np.newaxis]).argmax(axis=2)
-        squared = scale - 2.0 * np.take_along_axis(correlation, shifts[:, :, np.newaxis], axis=2)[:, :, 0]
-        for number, place in np.argwhere(squared <= _CANCELLATION * scale).tolist():
-            rolled = np.roll(self.orientations[place], int(shifts[number, place]), axis=0)
-            squared[number, place] = np.square(queries[number].orientation.astype(np.float64) - rolled).sum()
-        return np.sqrt(squared), shifts
+        best, shifts = best_rolls(correlations(self.queries, tile.spectra, cells, first, last), scales[1])
+
+        def between_positions(one: int, other: int) -> float:
+            return float(np.square(self.positions[first + one] - tile.positions[other]).sum())
+
+        def between_orientations(one: int, other: int) -> float:
+            rolled = np.roll(tile.orientations[other], int(shifts[one, other]), axis=0)
+            return float(np.square(self.orientations[first + one].astype(np.float64) - rolled).sum())
+
+        products = (self.positions @ tile.positions.T)[first:last]
+        position = _distances(scales[0], products, between_positions)
+        return position, _distances(scales[1], best, between_orientations), shifts
+
+
+def _distances(
+    scales: NDArray[np.float64], products: NDArray[np.float64], directly: Callable[[int, int], float]
+) -> NDArray[np.float64]:
+    """Return distances from sums of squared norms and inner products, of close pairs from their squared distance."""
+    squared = scales - 2.0 * products
+    for one, other in np.argwhere(squared <= _CANCELLATION * scales).tolist():
+        squared[one, other] = directly(one, other)
+    return np.sqrt(squared)
 
 
 class _Row:

@@ -16,7 +16,7 @@ from omnieval.errors import ConfigError
 T = TypeVar("T")
 
 AHEAD = 32
-"""Images to compare with others at once: each of these is then read once for all, and rows stay small."""
+"""Images to know of ahead of their step, and so to compare together."""
 
 
 def blocks(items: Iterable[T], size: int) -> Iterator[list[T]]:

@@ -38,7 +38,10 @@ def _distances(images: Sequence[Description]) -> list[Figure]:
     pairs = len(images) * (len(images) - 1) / 2
     started = time.perf_counter()
     for block in blocks(images, AHEAD):
-        store.anticipate([store.append(image) for image in block])
+        store.expect(block)
+        for image in block:
+            query = store.append(image)
+            store.compare(query, np.arange(query))
     taken = time.perf_counter() - started
     few = [Image.of(one.position, one.orientation) for one in images[:12]]
     plain = seconds_of(lambda: [orientation_distance(few[0], other) for other in few], 1) / len(few)
@@ -62,9 +65,10 @@ def _steps(images: Sequence[Description]) -> list[Figure]:
     mapper = Mapper(images=memory)
     times, candidates = [], []
     for block in blocks(images, AHEAD):
-        frames = [memory.append(image) for image in block]
-        memory.anticipate(frames)
-        for frame in frames:
+        memory.expect(block)
+        for image in block:
+            frame = memory.append(image)
+            memory.compare(frame, np.arange(frame))
             started = time.perf_counter()
             step = mapper.decide(frame)
             times.append(1e3 * (time.perf_counter() - started))
