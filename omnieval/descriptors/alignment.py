@@ -68,7 +68,8 @@ def correlations(
     # OpenCV leaves out the parts that are zero: Im 0, and the last one of an even number of cells.
     products[1] = products[0]
     packed = cv2.transpose(products[1 : cells + 1, first * others : last * others])
-    return cv2.dft(packed, flags=_BACK).reshape(last - first, others, cells)
+    pairs: NDArray[np.float64] = cv2.dft(packed, flags=_BACK)
+    return pairs.reshape(last - first, others, cells)
 
 
 def best_rolls(

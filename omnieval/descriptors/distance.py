@@ -67,7 +67,7 @@ class DescriptionStore:
         self._expected = 0
         self._anticipated: frozenset[int] = frozenset()
         self._tiles: list[_Tile] = []
-        self._group = _Group.none()
+        self._group: _Group | None = None
         self._rows: dict[int, _Row] = {}
 
     def __len__(self) -> int:
@@ -85,7 +85,7 @@ class DescriptionStore:
 
     def compare(self, query: int, others: NDArray[np.int64]) -> Distances:
         """Compare an image with others, by their numbers, shape (m,)."""
-        if query // _TOGETHER != self._group.number:
+        if self._group is None or query // _TOGETHER != self._group.number:
             self._rows = {}
         row = self._row(query)
         wanted = np.zeros(len(self._tiles), np.bool_)
@@ -119,8 +119,8 @@ class DescriptionStore:
         self._rows.pop(number, None)
         for row in self._rows.values():
             row.forget(tile)
-        if number // _TOGETHER == self._group.number:
-            self._group = _Group.none()
+        if self._group is not None and number // _TOGETHER == self._group.number:
+            self._group = None
 
     def _row(self, query: int) -> _Row:
         row = self._rows.setdefault(query, _Row())
@@ -129,16 +129,15 @@ class DescriptionStore:
 
     def _fill(self, query: int, tiles: Sequence[int]) -> None:
         """Compare an image with some tiles, and with it those that will be asked about after it."""
-        group, place = divmod(query, _TOGETHER)
-        if group != self._group.number:
-            self._group = self._grouped(group)
-        after = [number for number in range(query, (group + 1) * _TOGETHER) if self._is_next(number)]
-        last = max([query, *after]) % _TOGETHER + 1
-        rows = [self._row(group * _TOGETHER + number) for number in range(place, last)]
+        group = self._group_of(query)
+        first = group.number * _TOGETHER
+        place = query - first
+        last = max(number for number in range(place, _TOGETHER) if number == place or self._is_next(first + number)) + 1
+        rows = [self._row(first + number) for number in range(place, last)]
 
         def fill(some: Sequence[int]) -> None:
             for number in some:
-                compared = self._group.compare(self._tiles[number], place, last)
+                compared = group.compare(self._tiles[number], place, last)
                 for row, position, orientation, shifts in zip(rows, *compared, strict=True):
                     row.put(number, position, orientation, shifts)
 
@@ -152,10 +151,13 @@ class DescriptionStore:
     def _is_next(self, number: int) -> bool:
         return self._count <= number < self._count + self._expected or number in self._anticipated
 
-    def _grouped(self, group: int) -> _Group:
-        """Return the group of images, as far as they are known."""
-        numbers = range(group * _TOGETHER, min((group + 1) * _TOGETHER, self._count + self._expected))
-        return _Group.of(group, [(self._tiles[number // _TILE], number % _TILE) for number in numbers])
+    def _group_of(self, query: int) -> _Group:
+        """Return the group of an image with all of its images that are known."""
+        number = query // _TOGETHER
+        if self._group is None or self._group.number != number:
+            known = range(number * _TOGETHER, min((number + 1) * _TOGETHER, self._count + self._expected))
+            self._group = _Group.of(number, [(self._tiles[one // _TILE], one % _TILE) for one in known])
+        return self._group
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +210,7 @@ class _Group:
     Attributes
     ----------
     number
-        Which; -1 if none.
+        Which.
     positions, orientations, squares
         As in a tile.
     queries
@@ -220,10 +222,6 @@ class _Group:
     orientations: NDArray[np.float32]
     squares: NDArray[np.float64]
     queries: NDArray[np.float64]
-
-    @classmethod
-    def none(cls) -> _Group:
-        return cls(-1, *(np.empty(0) for _ in range(4)))
 
     @classmethod
     def of(cls, number: int, images: Sequence[tuple[_Tile, int]]) -> _Group:
@@ -262,8 +260,10 @@ def _distances(
 ) -> NDArray[np.float64]:
     """Return distances from sums of squared norms and inner products, of close pairs from their squared distance."""
     squared = scales - 2.0 * products
-    for one, other in np.argwhere(squared <= _CANCELLATION * scales).tolist():
-        squared[one, other] = directly(one, other)
+    close = squared <= _CANCELLATION * scales
+    if close.any():
+        for one, other in np.argwhere(close).tolist():
+            squared[one, other] = directly(one, other)
     return np.sqrt(squared)
 
 
