@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
@@ -98,30 +99,34 @@ class Hog:
         """Return the histogram of every row and of every column, shapes (rows, bins) and (columns, bins)."""
         rows, columns = panorama.shape
         bins = self.config.bins
-        dx, dy = _gradients(panorama, self.config.kernel)
-        gradient = ((dx + self._reach) * (2 * self._reach + 1) + (dy + self._reach)).ravel()
-        row_offset = np.repeat(np.arange(rows) * bins, columns)
-        column_offset = np.tile(np.arange(columns) * bins, rows)
-        by_row = np.zeros(rows * bins)
-        by_column = np.zeros(columns * bins)
+        gradient = _gradients(panorama, self.config.kernel, self._reach).ravel()
+        by_row = np.zeros((rows, bins))
+        by_column = np.zeros((columns, bins))
         for bin_of, weight_of in zip(self._votes.bins, self._votes.weights, strict=True):
-            voted, weights = bin_of[gradient], weight_of[gradient]
-            by_row += np.bincount(row_offset + voted, weights, rows * bins)
-            by_column += np.bincount(column_offset + voted, weights, columns * bins)
-        return by_row.reshape(rows, bins), by_column.reshape(columns, bins)
+            voted, weights = bin_of.take(gradient).reshape(rows, columns), weight_of.take(gradient)
+            by_row += _voted(voted + bins * np.arange(rows)[:, np.newaxis], weights, by_row.shape)
+            by_column += _voted(voted + bins * np.arange(columns), weights, by_column.shape)
+        return by_row, by_column
 
 
-def _gradients(
-    panorama: NDArray[np.uint8], kernel: Literal["central", "sobel"]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return D_x (circular in columns) and D_y (border rows replicated), both exact integers."""
-    image = panorama.astype(np.int32)
-    padded = np.pad(np.pad(image, ((1, 1), (0, 0)), "edge"), ((0, 0), (1, 1)), "wrap")
-    across = padded[:, 2:] - padded[:, :-2]
-    down = padded[2:] - padded[:-2]
-    if kernel == "central":
-        return across[1:-1], down[:, 1:-1]
-    return across[:-2] + 2 * across[1:-1] + across[2:], down[:, :-2] + 2 * down[:, 1:-1] + down[:, 2:]
+def _voted(places: NDArray[np.intp], weights: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return histograms of a shape that every pixel votes for at its place."""
+    return np.bincount(places.ravel(), weights, shape[0] * shape[1]).reshape(shape)
+
+
+def _gradients(panorama: NDArray[np.uint8], kernel: Literal["central", "sobel"], reach: int) -> NDArray[np.intp]:
+    """Return where the votes of every pixel's gradient stand in the tables.
+
+    D_x is circular in columns, at the border of D_y rows are replicated; both are exact integers.
+    """
+    padded = cv2.copyMakeBorder(panorama, 1, 1, 0, 0, cv2.BORDER_REPLICATE)
+    padded = cv2.copyMakeBorder(padded, 0, 0, 1, 1, cv2.BORDER_WRAP)
+    smooth = np.array([0.0, 1.0, 0.0] if kernel == "central" else [1.0, 2.0, 1.0])
+    across = np.outer(smooth, [-1.0, 0.0, 1.0])
+    # Both components in one number, which single precision holds exactly.
+    pitch = 2 * reach + 1
+    place = cv2.filter2D(padded, cv2.CV_32F, pitch * across + across.T, delta=reach * (pitch + 1))
+    return place[1:-1, 1:-1].astype(np.intp)
 
 
 def _tabulate(config: HogConfig, reach: int) -> _Votes:
