@@ -111,7 +111,8 @@ class Hog:
 
 def _voted(places: NDArray[np.intp], weights: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.float64]:
     """Return histograms of a shape that every pixel votes for at its place."""
-    return np.bincount(places.ravel(), weights, shape[0] * shape[1]).reshape(shape)
+    votes = np.bincount(places.ravel(), weights, shape[0] * shape[1])
+    return votes.astype(np.float64, copy=False).reshape(shape)
 
 
 def _gradients(panorama: NDArray[np.uint8], kernel: Literal["central", "sobel"], reach: int) -> NDArray[np.intp]:
