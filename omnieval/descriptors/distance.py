@@ -1,29 +1,19 @@
 """How far images are from each other: position descriptors as they are, orientation descriptors at their best roll.
 
-Images are compared in fixed groups, `_TOGETHER` with `_TILE` others, because a processor is fast at that, and because a
-distance must have the same bits whoever asks for it, and for what else at the same time.
+What is asked for is computed a few images and many others at a time (`tiles`), and remembered for a while.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.descriptors.alignment import as_query, best_rolls, correlations, spectrum
 from omnieval.descriptors.description import Description
-
-_CANCELLATION = 1e-9
-"""Below this share of the squared norms the closed form has lost its digits and the distance is computed directly."""
-
-_TILE = 31
-"""Others at once: odd, so that rows of pairs do not all fall on the same lines of the processor's cache."""
-
-_TOGETHER = 8
-"""Images at once: few enough to want nearly the same others, many enough to be worth a matrix product."""
+from omnieval.descriptors.tiles import TILE, TOGETHER, Group, Tile
 
 _WORTH_A_THREAD = 8
 """Tiles."""
@@ -66,8 +56,8 @@ class DescriptionStore:
         self._count = 0
         self._expected = 0
         self._anticipated: frozenset[int] = frozenset()
-        self._tiles: list[_Tile] = []
-        self._group: _Group | None = None
+        self._tiles: list[Tile] = []
+        self._group: Group | None = None
         self._rows: dict[int, _Row] = {}
 
     def __len__(self) -> int:
@@ -75,7 +65,7 @@ class DescriptionStore:
 
     def append(self, description: Description) -> int:
         """Keep a description and return its number."""
-        if not (self._expected and self._tiles[self._count // _TILE].has(self._count % _TILE, description)):
+        if not (self._expected and self._tiles[self._count // TILE].has(self._count % TILE, description)):
             self._expected = 0
             self._put(self._count, description)
         else:
@@ -85,11 +75,11 @@ class DescriptionStore:
 
     def compare(self, query: int, others: NDArray[np.int64]) -> Distances:
         """Compare an image with others, by their numbers, shape (m,)."""
-        if self._group is None or query // _TOGETHER != self._group.number:
+        if self._group is None or query // TOGETHER != self._group.number:
             self._rows = {}
         row = self._row(query)
         wanted = np.zeros(len(self._tiles), np.bool_)
-        wanted[others // _TILE] = True
+        wanted[others // TILE] = True
         missing = np.flatnonzero(wanted & ~row.known)
         if len(missing):
             self._fill(query, missing.tolist())
@@ -112,14 +102,14 @@ class DescriptionStore:
         self._anticipated = frozenset(queries)
 
     def _put(self, number: int, description: Description) -> None:
-        tile, place = divmod(number, _TILE)
+        tile, place = divmod(number, TILE)
         if tile == len(self._tiles):
-            self._tiles.append(_Tile.empty(len(description.position), *description.orientation.shape))
+            self._tiles.append(Tile.empty(len(description.position), *description.orientation.shape))
         self._tiles[tile].put(place, description)
         self._rows.pop(number, None)
         for row in self._rows.values():
             row.forget(tile)
-        if self._group is not None and number // _TOGETHER == self._group.number:
+        if self._group is not None and number // TOGETHER == self._group.number:
             self._group = None
 
     def _row(self, query: int) -> _Row:
@@ -130,9 +120,9 @@ class DescriptionStore:
     def _fill(self, query: int, tiles: Sequence[int]) -> None:
         """Compare an image with some tiles, and with it those that will be asked about after it."""
         group = self._group_of(query)
-        first = group.number * _TOGETHER
+        first = group.number * TOGETHER
         place = query - first
-        last = max(number for number in range(place, _TOGETHER) if number == place or self._is_next(first + number)) + 1
+        last = max(number for number in range(place, TOGETHER) if number == place or self._is_next(first + number)) + 1
         rows = [self._row(first + number) for number in range(place, last)]
 
         def fill(some: Sequence[int]) -> None:
@@ -151,120 +141,13 @@ class DescriptionStore:
     def _is_next(self, number: int) -> bool:
         return self._count <= number < self._count + self._expected or number in self._anticipated
 
-    def _group_of(self, query: int) -> _Group:
+    def _group_of(self, query: int) -> Group:
         """Return the group of an image with all of its images that are known."""
-        number = query // _TOGETHER
+        number = query // TOGETHER
         if self._group is None or self._group.number != number:
-            known = range(number * _TOGETHER, min((number + 1) * _TOGETHER, self._count + self._expected))
-            self._group = _Group.of(number, [(self._tiles[one // _TILE], one % _TILE) for one in known])
+            known = range(number * TOGETHER, min((number + 1) * TOGETHER, self._count + self._expected))
+            self._group = Group.of(number, [(self._tiles[one // TILE], one % TILE) for one in known])
         return self._group
-
-
-@dataclass(frozen=True, slots=True)
-class _Tile:
-    """Some images, as those that others are compared with.
-
-    Attributes
-    ----------
-    positions
-        Shape (tile, d).
-    orientations
-        Shape (tile, cells, bins).
-    spectra
-        Shape (frequencies, 2 bins, tile).
-    squares
-        Squared norms of positions and of orientations, shape (2, tile).
-    """
-
-    positions: NDArray[np.float64]
-    orientations: NDArray[np.float32]
-    spectra: NDArray[np.float64]
-    squares: NDArray[np.float64]
-
-    @classmethod
-    def empty(cls, dimensions: int, cells: int, bins: int) -> _Tile:
-        return cls(
-            np.zeros((_TILE, dimensions)),
-            np.zeros((_TILE, cells, bins), np.float32),
-            np.zeros((cells // 2 + 1, 2 * bins, _TILE)),
-            np.zeros((2, _TILE)),
-        )
-
-    def put(self, place: int, description: Description) -> None:
-        exact = description.orientation.astype(np.float64)
-        self.positions[place] = description.position
-        self.orientations[place] = description.orientation
-        self.spectra[:, :, place] = spectrum(exact)
-        self.squares[:, place] = np.square(self.positions[place]).sum(), np.square(exact).sum()
-
-    def has(self, place: int, description: Description) -> bool:
-        return np.array_equal(self.positions[place], description.position) and np.array_equal(
-            self.orientations[place], description.orientation
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """Some images, as those that are compared with others: places of images not there are zero.
-
-    Attributes
-    ----------
-    number
-        Which.
-    positions, orientations, squares
-        As in a tile.
-    queries
-        Shape (frequencies, 2 group, 2 bins).
-    """
-
-    number: int
-    positions: NDArray[np.float64]
-    orientations: NDArray[np.float32]
-    squares: NDArray[np.float64]
-    queries: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, number: int, images: Sequence[tuple[_Tile, int]]) -> _Group:
-        tile = images[0][0]
-        positions = np.zeros((_TOGETHER, tile.positions.shape[1]))
-        orientations = np.zeros((_TOGETHER, *tile.orientations.shape[1:]), np.float32)
-        squares = np.zeros((2, _TOGETHER))
-        spectra = np.zeros((*tile.spectra.shape[:2], _TOGETHER))
-        for to, (tile, place) in enumerate(images):
-            positions[to], orientations[to] = tile.positions[place], tile.orientations[place]
-            squares[:, to], spectra[:, :, to] = tile.squares[:, place], tile.spectra[:, :, place]
-        return cls(number, positions, orientations, squares, as_query(spectra))
-
-    def compare(
-        self, tile: _Tile, first: int, last: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-        """Return distances of positions and of orientations, and shifts, of some of these images from a tile's."""
-        scales = self.squares[:, first:last, np.newaxis] + tile.squares[:, np.newaxis]
-        cells = self.orientations.shape[1]
-        best, shifts = best_rolls(correlations(self.queries, tile.spectra, cells, first, last), scales[1])
-
-        def between_positions(one: int, other: int) -> float:
-            return float(np.square(self.positions[first + one] - tile.positions[other]).sum())
-
-        def between_orientations(one: int, other: int) -> float:
-            rolled = np.roll(tile.orientations[other], int(shifts[one, other]), axis=0)
-            return float(np.square(self.orientations[first + one].astype(np.float64) - rolled).sum())
-
-        products = (self.positions @ tile.positions.T)[first:last]
-        position = _distances(scales[0], products, between_positions)
-        return position, _distances(scales[1], best, between_orientations), shifts
-
-
-def _distances(
-    scales: NDArray[np.float64], products: NDArray[np.float64], directly: Callable[[int, int], float]
-) -> NDArray[np.float64]:
-    """Return distances from sums of squared norms and inner products, of close pairs from their squared distance."""
-    squared = scales - 2.0 * products
-    close = squared <= _CANCELLATION * scales
-    if close.any():
-        for one, other in np.argwhere(close).tolist():
-            squared[one, other] = directly(one, other)
-    return np.sqrt(squared)
 
 
 class _Row:
@@ -281,9 +164,9 @@ class _Row:
         more = tiles - len(self.known)
         if more > 0:
             self.known = np.append(self.known, np.zeros(more, np.bool_))
-            self.position = np.append(self.position, np.empty(more * _TILE))
-            self.orientation = np.append(self.orientation, np.empty(more * _TILE))
-            self.shifts = np.append(self.shifts, np.empty(more * _TILE, np.int64))
+            self.position = np.append(self.position, np.empty(more * TILE))
+            self.orientation = np.append(self.orientation, np.empty(more * TILE))
+            self.shifts = np.append(self.shifts, np.empty(more * TILE, np.int64))
 
     def put(
         self,
@@ -292,7 +175,7 @@ class _Row:
         orientation: NDArray[np.float64],
         shifts: NDArray[np.int64],
     ) -> None:
-        place = slice(tile * _TILE, (tile + 1) * _TILE)
+        place = slice(tile * TILE, (tile + 1) * TILE)
         self.position[place] = position
         self.orientation[place] = orientation
         self.shifts[place] = shifts
