@@ -124,3 +124,31 @@ def test_an_image_is_compared_with_those_that_came_after_it():
     assert after.orientation[:2].tolist() == before.orientation.tolist()
     assert after.orientation[2] == pytest.approx(brute_force(images[3].orientation, images[65].orientation)[0])
     assert after.position[2] == pytest.approx(np.linalg.norm(images[3].position - images[65].position))
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-6, 0.0])
+def test_position_distances_keep_their_digits(apart):
+    rng = np.random.default_rng(3)
+    first = rng.random(256).astype(np.float32)
+    second = (first + apart * rng.random(256)).astype(np.float32)
+    orientation = rng.random((8, 2), np.float32)
+    store = DescriptionStore()
+    for position in (first, second):
+        store.append(Description(position, orientation))
+    expected = np.linalg.norm(first.astype(np.float64) - second)
+    assert store.compare(1, np.array([0])).position[0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_images_that_were_expected_but_did_not_come_are_forgotten():
+    images = descriptions(60)
+    plain, misled = DescriptionStore(), DescriptionStore()
+    misled.expect(images[:40])
+    for image in images[:5]:
+        plain.append(image)
+        misled.append(image)
+    misled.compare(4, np.arange(4))
+    misled.expect(images[50:55])
+    for image in images[20:60]:
+        plain.append(image)
+        misled.append(image)
+    assert all_numbers(misled, 45) == all_numbers(plain, 45)
