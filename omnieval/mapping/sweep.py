@@ -187,8 +187,8 @@ class Sweep(Generic[R]):
         placings = [[_Placing(branch.region, branch.seconds)] for branch in self._branches]
         for block in blocks(sorted(set().union(*leftovers)), AHEAD):
             self._images.anticipate(block)
-            for number, branch in enumerate(self._branches):
-                for frame in block:
+            for frame in block:
+                for number, branch in enumerate(self._branches):
                     if frame in leftovers[number]:
                         placings[number] = _place(branch.mapper, frame, placings[number])
         return [
