@@ -27,7 +27,7 @@ def orientations(store, query, others):
     return found.orientation, found.shifts
 
 
-@pytest.mark.parametrize(("cells", "bins"), [(256, 16), (32, 4), (33, 3), (8, 1)])
+@pytest.mark.parametrize(("cells", "bins"), [(256, 16), (32, 4), (33, 3), (8, 1), (3, 2), (2, 2), (1, 4)])
 def test_agrees_with_trying_all_shifts(cells, bins):
     descriptors = np.random.default_rng(cells).random((80, cells, bins), np.float32)
     store = a_store(descriptors)
