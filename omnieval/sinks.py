@@ -19,6 +19,7 @@ from omnieval.mapping.step import FinalMap, Step
 from omnieval.material import Material
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.metrics.running import SilhouetteSoFar
+from omnieval.recording.aside import Aside, leave_behind
 from omnieval.recording.pictures import step_images
 from omnieval.recording.recorder import Recorder
 from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
@@ -26,6 +27,8 @@ from omnieval.results.summary import configuration_page, metrics_page
 
 _MOST_WAITING = 16
 """Steps that wait to be recorded at a time; bounds the memory, and what a viewer lags behind."""
+_PATIENCE_S = 30.0
+"""How long a viewer may take nothing before the replay goes on without the recording: a frozen one never would."""
 
 
 class RecordingSink:
@@ -57,40 +60,62 @@ class RecordingSink:
         self._cells = material.cells
         self._picture_failure: str | None = None
         self._recorder = Recorder(path, _info(material, config, self._page), options)
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="recorder")
+        self._patience = _PATIENCE_S if options.spawn or options.connect is not None else None
+        self._left: str | None = None
+        self._closed = False
+        self._aside = Aside("recorder")
         self._painter = ThreadPoolExecutor(1, thread_name_prefix="painter")
         self._waiting: deque[Future[None]] = deque()
 
     @property
     def failure(self) -> str | None:
         """What went wrong first, None if nothing did."""
-        return self._recorder.failure or self._picture_failure
+        return self._left or self._recorder.failure or self._picture_failure
 
     def step(self, step: Step, frame: Frame, milliseconds: float) -> None:
         """Record a step, soon: pictures take longer than decisions, and a core may be idle."""
+        if self._left:
+            return
         images = self._painter.submit(self._images, step)
-        self._waiting.append(self._thread.submit(self._record, step, frame, milliseconds, images))
+        self._waiting.append(self._aside.submit(self._record, step, frame, milliseconds, images))
         if len(self._waiting) > _MOST_WAITING:
-            self._waiting.popleft().result()
+            self._wait(self._waiting.popleft())
 
     def finish(self, final: FinalMap, evaluation: Evaluation) -> None:
         """Record the final map and what it is worth."""
         self._settle()
-        self._recorder.finish(final, self._page + metrics_page(evaluation))
+        self._wait(self._aside.submit(self._recorder.finish, final, self._page + metrics_page(evaluation)))
 
     def close(self) -> None:
-        """Complete the recording as far as it came."""
+        """Complete the recording as far as it came. Calling it again does nothing."""
+        if self._closed:
+            return
+        self._closed = True
         try:
             self._settle()
         finally:
             self._painter.shutdown()
-            self._thread.shutdown()
-            self._recorder.close()
+            self._wait(self._aside.submit(self._recorder.close))
+            self._aside.end()
 
     def _settle(self) -> None:
         """Wait until every step is recorded."""
         while self._waiting:
-            self._waiting.popleft().result()
+            self._wait(self._waiting.popleft())
+
+    def _wait(self, call: Future[None]) -> None:
+        """Wait for what is done aside, unless a viewer has it wait for too long."""
+        if self._left:
+            return
+        try:
+            call.result(self._patience)
+        except TimeoutError:
+            if call.done():  # what it came to, and not our patience
+                raise
+            leave_behind()
+            self._left = (
+                f"the viewer is frozen, it took nothing for {self._patience:g} s; `omnieval render` makes the recording"
+            )
 
     def _record(self, step: Step, frame: Frame, milliseconds: float, images: Future[StepImages | None]) -> None:
         pose = frame.pose
@@ -100,6 +125,7 @@ class RecordingSink:
             position=(pose.x, pose.y) if pose else None,
             yaw=pose.yaw if pose and np.isfinite(pose.yaw) else None,
             room=frame.room,
+            file=frame.file,
             time_ns=frame.time_ns,
             silhouette=self._silhouette.apply(step) if self._silhouette else None,
         )

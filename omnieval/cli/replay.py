@@ -51,8 +51,8 @@ def replay(
     from omnieval.loop import replay as run_replay
 
     resolved = options.configuration(set_, config, preset, descriptor)
-    sequence = options.sequence(source, start, stride, limit)
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
+    sequence = options.sequence(source, start, stride, limit)
     with progress("replaying") as report:
         run = run_replay(
             sequence,
@@ -81,4 +81,4 @@ def print_run(run: Run, *, json: bool) -> None:
     if (cache := run.manifest["cache"]) and cache["note"]:
         note(cache["note"])
     if failure := run.manifest.get("recording_failure"):
-        note(f"the recording is incomplete, the tables are not: {failure}")
+        note(f"the recording may be incomplete, the tables are not: {failure}")

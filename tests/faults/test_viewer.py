@@ -1,6 +1,7 @@
 """A viewer that is not one, goes away, or is not there at all: the tables are those of a replay without it."""
 
 import contextlib
+import signal
 import socket
 import subprocess
 
@@ -62,6 +63,31 @@ def test_a_viewer_that_is_closed_costs_nothing_but_the_view(panoramas, replayed,
     assert steps_recorded(folder / "replay.rrd") == len(replayed.steps)
 
 
+IMPATIENT = """
+import omnieval.recording.stream as stream
+import omnieval.sinks as sinks
+stream._FLUSH_SECONDS = sinks._PATIENCE_S = 0.5
+"""
+
+
+def test_a_viewer_that_is_frozen_does_not_keep_the_replay_from_ending(panoramas, replayed, viewer, tmp_path):
+    watching, port = viewer
+    folder = tmp_path / "run"
+    arguments = ("replay", panoramas, *REPLAY, "--out", folder, "--connect", url(port))
+    process = start(tmp_path, *arguments, prepare=OFTEN + IMPATIENT)
+    wait_for(lambda: len(list((folder / "parts").glob("steps*"))) > 3, process)
+    watching.send_signal(signal.SIGSTOP)
+    code, _, err = end(process)
+    assert code == 0
+    ours = [line for line in err.splitlines() if line.startswith("omnieval: ")]
+    assert len(ours) == 1
+    assert "the recording may be incomplete, the tables are not: the viewer is frozen" in ours[0]
+    assert "Traceback" not in err
+    assert open_run(folder).content_hash == replayed.content_hash
+    assert in_process("render", folder, "--no-images", cwd=tmp_path).returncode == 0
+    assert steps_recorded(folder / "replay.rrd") == len(replayed.steps)
+
+
 def test_a_port_that_somebody_else_has_is_refused_at_once(panoramas, tmp_path):
     with socket.create_server((HOST, 0)) as silent:
         port = silent.getsockname()[1]
@@ -82,6 +108,6 @@ def test_a_recording_that_cannot_be_written_costs_nothing_but_the_view(panoramas
     result = in_process("replay", panoramas, *REPLAY, "--out", "run", cwd=tmp_path)
     monkeypatch.undo()
     assert result.returncode == 0
-    assert "the recording is incomplete, the tables are not" in one_line(result.stderr)
+    assert "the recording may be incomplete, the tables are not" in one_line(result.stderr)
     assert open_run(tmp_path / "run").content_hash == replayed.content_hash
     assert not open_run(tmp_path / "run").recording.exists()
