@@ -11,8 +11,11 @@ import rerun.blueprint as rrb
 from omnieval.recording import layout
 from omnieval.recording.window import Extent, map_window
 
+Play = Literal["paused", "following"]
+"""Whether the viewer waits to be led through a file, or goes along with a replay."""
+
+_LANES = ("Lanes near the step", "Whole run")
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_OID, layout.APPLICATION_ID)
-_Corner = Literal["LeftTop", "LeftBottom"]
 
 
 def build_blueprint(
@@ -20,7 +23,7 @@ def build_blueprint(
     gamma: float,
     extent: Extent | None = None,
     *,
-    play: Literal["paused", "following"] = "paused",
+    play: Play = "paused",
 ) -> rrb.Blueprint:
     """Return the blueprint of a recording.
 
@@ -37,9 +40,9 @@ def build_blueprint(
     """
     root = rrb.Vertical(
         rrb.Horizontal(_pictures(), _places(extent), _reasons(), column_shares=[0.32, 0.38, 0.30]),
-        rrb.Horizontal(*_plots(steps, gamma)),
-        rrb.Horizontal(_lanes(steps), _words(), column_shares=[0.55, 0.45]),
-        row_shares=[0.555, 0.155, 0.29],
+        _plots(steps, gamma),
+        rrb.Horizontal(lanes(steps, play, names=_LANES), _words(), column_shares=[0.55, 0.45]),
+        row_shares=[0.55, 0.16, 0.29],
     )
     name_parts(root, "root")
     return rrb.Blueprint(
@@ -57,7 +60,7 @@ def _pictures() -> rrb.Container:
         rrb.Spatial2DView(origin=layout.PANORAMA, name="Panorama"),
         rrb.Spatial2DView(origin=layout.BEST_MATCH, name="Best match, turned; blank without candidate"),
         rrb.Spatial2DView(origin=layout.OMNIDIRECTIONAL, name="Omnidirectional image"),
-        row_shares=[0.27, 0.27, 0.46],
+        row_shares=[0.31, 0.31, 0.38],
     )
 
 
@@ -81,6 +84,7 @@ def map_view(name: str, extent: Extent | None, root: str = "") -> rrb.View:
             root + layout.MAP_ACCEPTED: [so_far],
             root + layout.MAP_REFUSED: [so_far, rrb.EntityBehavior(visible=False)],
         },
+        background=rrb.Background(color=layout.BACKGROUND_COLOR),
         visual_bounds=_bounds(extent),
     )
 
@@ -94,7 +98,7 @@ def _places(extent: Extent | None) -> rrb.Container:
         force_collision_radius=rrb.archetypes.ForceCollisionRadius(enabled=True, strength=1.0),
         force_position=rrb.archetypes.ForcePosition(enabled=True, strength=0.03, position=(0.0, 0.0)),
     )
-    return rrb.Vertical(map_view("Map (pending nodes in brackets)", extent), graph, row_shares=[0.66, 0.34])
+    return rrb.Vertical(map_view("Map (pending nodes in brackets)", extent), graph, row_shares=[0.64, 0.36])
 
 
 def _reasons() -> rrb.Container:
@@ -108,30 +112,34 @@ def _reasons() -> rrb.Container:
             active_tab=0,
         ),
         _bars(layout.GATE, "Gate ratio of each node; x is the band"),
-        row_shares=[0.53, 0.24, 0.23],
+        row_shares=[0.50, 0.25, 0.25],
     )
 
 
-def _plots(steps: int, gamma: float) -> list[rrb.View | rrb.Container]:
+def _plots(steps: int, gamma: float) -> rrb.Container:
+    """Return the numbers over the whole run; what has to be reached is orange, what was missed yellow."""
     prominence = rrb.ScalarAxis(range=(0.0, max(4.0 * gamma, 1.0)))
-    margin = _plot(layout.PLOT_MARGIN, "Margin, relative", steps, rrb.ScalarAxis(range=(0.0, 0.5)))
-    gate = _plot(layout.PLOT_GATE, "Nearest gate, x", steps, rrb.ScalarAxis(range=(0.0, 6.0)))
-    cost = _plot(layout.PLOT_COST, "Cost, ms", steps)
-    return [
-        _plot(layout.PLOT_PROMINENCE, "Prominence / mean", steps, prominence),
-        _plot(layout.PLOT_CENTROID, "Centroid shift", steps),
-        rrb.Tabs(margin, gate, cost, active_tab=0),
-        _plot(layout.PLOT_NODES, "Nodes", steps, legend="LeftTop"),
-        _plot(layout.PLOT_QUALITY, "Quality so far", steps, rrb.ScalarAxis(range=(-1.0, 1.0)), legend="LeftBottom"),
-    ]
-
-
-def _lanes(steps: int) -> rrb.View:
-    return rrb.StateTimelineView(
-        origin=layout.LANES,
-        name="Decision (missed: refused at a known place), node, final node, room",
-        time_view=whole_run(steps),
+    margin = _plot(layout.PLOT_MARGIN, "Relative margin", steps, rrb.ScalarAxis(range=(0.0, 0.5)))
+    gate = _plot(layout.PLOT_GATE, "Gate ratio", steps, rrb.ScalarAxis(range=(0.0, 6.0)))
+    quality = _plot(layout.PLOT_QUALITY, "Quality", steps, rrb.ScalarAxis(range=(-1.0, 1.0)), legend=True)
+    nodes = _plot(layout.PLOT_NODES, "Nodes", steps, legend=True)
+    return rrb.Horizontal(
+        _plot(layout.PLOT_PROMINENCE, "Prominence / mean, gamma, missed", steps, prominence),
+        _plot(layout.PLOT_CENTROID, "Centroid shift, bound", steps),
+        rrb.Tabs(margin, gate, active_tab=0),
+        rrb.Tabs(quality, nodes, _plot(layout.PLOT_COST, "Cost, ms", steps), active_tab=0),
+        column_shares=[0.28, 0.22, 0.24, 0.26],
     )
+
+
+def lanes(steps: int, play: Play = "paused", *, names: tuple[str, str], first: int = 0) -> rrb.Container:
+    """Return the lanes twice, under `names`: near the step, to be read, and of the whole run, as a pattern.
+
+    The one of number `first` is shown until the other is chosen.
+    """
+    near = rrb.StateTimelineView(origin=layout.LANES, name=names[0], time_view=_near_the_step(play))
+    run = rrb.StateTimelineView(origin=layout.LANES, name=names[1], time_view=whole_run(steps))
+    return rrb.Tabs(near, run, active_tab=first)
 
 
 def _words() -> rrb.Container:
@@ -145,15 +153,13 @@ def _bars(origin: str, name: str) -> rrb.View:
     return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))
 
 
-def _plot(
-    origin: str, name: str, steps: int, axis: rrb.ScalarAxis | None = None, *, legend: _Corner | None = None
-) -> rrb.View:
+def _plot(origin: str, name: str, steps: int, axis: rrb.ScalarAxis | None = None, *, legend: bool = False) -> rrb.View:
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
         axis_x=whole_run(steps),
         axis_y=axis,
-        plot_legend=rrb.PlotLegend(legend, visible=legend is not None),
+        plot_legend=rrb.PlotLegend("LeftBottom", visible=legend),
     )
 
 
@@ -162,6 +168,17 @@ def whole_run(steps: int) -> rrb.TimeAxis:
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
             start=rr.TimeRangeBoundary.absolute(seq=0), end=rr.TimeRangeBoundary.absolute(seq=steps)
+        )
+    )
+
+
+def _near_the_step(play: Play) -> rrb.TimeAxis:
+    """Return the time axis that moves with the step; ahead of a replay that is followed there is nothing yet."""
+    ahead = 2 if play == "following" else layout.NEAR_STEPS
+    return rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rr.TimeRangeBoundary.cursor_relative(seq=ahead - 2 * layout.NEAR_STEPS),
+            end=rr.TimeRangeBoundary.cursor_relative(seq=ahead),
         )
     )
 

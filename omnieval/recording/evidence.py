@@ -22,7 +22,8 @@ CURVE_BARS = 512
 GATE_CEILING = 3.0
 """Gate ratios are drawn up to so many times x; far nodes would otherwise flatten the others."""
 
-_REASONS = (
+_WHY_REFUSED = (
+    "event",
     "true place",
     "would flip",
     "best match",
@@ -30,18 +31,32 @@ _REASONS = (
     "centroid",
     "candidates",
     "refused",
-    "event",
     "run",
     "margin",
     "image",
 )
-"""The parts of an explanation that the page of a step has, in the order in which they are asked for."""
+_WHY_CLOSED = (
+    "event",
+    "true place",
+    "best match",
+    "prominence",
+    "centroid",
+    "candidates",
+    "would flip",
+    "refused",
+    "margin",
+    "image",
+)
+"""The parts of an explanation that the page of a step has, in the order in which they are asked for: of a refused
+image, what would have let it in; of an accepted one, whether it was rightly so."""
+_LINE_BREAK = "  \n"
+"""Markdown for a new line without a gap: the page has room for some ten lines on a small screen."""
 
 _BEST_SHARE = 0.006
 """Least width of the best candidate's bar, as a share of the chart."""
 
 _LEVELS = {
-    Verdict.INITIAL: ("INFO", layout.FAINT_COLOR | 0xFF),
+    Verdict.INITIAL: ("INFO", layout.GREY_TEXT_COLOR),
     Verdict.ASSIGNED: ("INFO", layout.ACCEPTED_COLOR),
     Verdict.PENDING: ("INFO", layout.PENDING_COLOR),
 }
@@ -53,14 +68,21 @@ def verdict_color(verdict: Verdict) -> int:
     return _LEVELS.get(verdict, _REFUSED_LEVEL)[1]
 
 
-def word_rows(step: Step, gamma: float) -> list[tuple[str, Row]]:
+def word_rows(step: Step, gamma: float) -> list[tuple[str, Words]]:
     """Return the decision and the events of a step in words."""
     level, color = _LEVELS.get(step.verdict, _REFUSED_LEVEL)
-    rows: list[tuple[str, Row]] = [(layout.LOG_DECISION, Words(decision_text(step, gamma), level, color))]
+    decision = numbered(step.frame, decision_text(step, gamma))
+    rows = [(layout.LOG_DECISION, Words(decision, level, color))]
     for event in step.events:
         color = layout.node_color(event.into if event.kind is EventKind.MERGED and event.into else event.node)
-        rows.append((layout.LOG_EVENT, Words(event_text(event), event.kind.value.upper(), color)))
+        words = Words(numbered(step.frame, event_text(event)), event.kind.value.upper(), color)
+        rows.append((layout.LOG_EVENT, words))
     return rows
+
+
+def numbered(step: int, text: str) -> str:
+    """Return a line of the log with its step: the viewer's own column of steps is too narrow for three digits."""
+    return f"{step}: {text}"
 
 
 def why_rows(decided: Decision, config: MapperConfig) -> list[tuple[str, Row]]:
@@ -69,8 +91,9 @@ def why_rows(decided: Decision, config: MapperConfig) -> list[tuple[str, Row]]:
     for label, text in lines(decided, config):
         said.setdefault(label, text)
     said["would flip"] = "; ".join(flip.text for flip in flips(decided, config) if flip.passed is _closed(decided))
-    paragraphs = [f"**{label}** {said[label]}" for label in _REASONS if said.get(label)]
-    return [(layout.WHY, Page("\n\n".join([f"**{said['decision']}**", *paragraphs])))]
+    reasons = _WHY_CLOSED if _closed(decided) else _WHY_REFUSED
+    why = [f"**{label}** {said[label]}" for label in reasons if said.get(label)]
+    return [(layout.WHY, Page(f"**{said['decision']}**\n\n{_LINE_BREAK.join(why)}"))]
 
 
 def _closed(decided: Decision) -> bool:
@@ -86,11 +109,19 @@ def decision_state(decided: Decision) -> str:
     return "missed" if decided.revisit is not None and decided.revisit.near else "refused"
 
 
+def missed_rows(decided: Decision) -> list[tuple[str, Row]]:
+    """Return the mark of a missed loop closure in the plot of prominences: at 0 where the gate left no candidate."""
+    if decision_state(decided) != "missed":
+        return []
+    ratio = decided.match.prominence_ratio if decided.match is not None else 0.0
+    return [(layout.MISSED, Scalar(ratio if math.isfinite(ratio) else 0.0))]
+
+
 DECISION_COLORS = {
     "initial": 0x4A5058FF,
     "closed": 0x5B77B8FF,
     "refused": 0x2B3138FF,
-    "missed": 0xFFEA46FF,
+    "missed": layout.MISSED_COLOR,
 }
 """Colours of the lane of decisions, dark to bright by how much they ask to be looked at."""
 

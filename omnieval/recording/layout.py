@@ -29,6 +29,7 @@ REFUSED = "refused"
 
 PLOT_GATE = "/plot/gate"
 PLOT_PROMINENCE = "/plot/prominence"
+MISSED = "/plot/prominence/missed"
 PLOT_CENTROID = "/plot/centroid"
 PLOT_MARGIN = "/plot/margin"
 PLOT_NODES = "/plot/nodes"
@@ -45,6 +46,7 @@ MAP_MATCH = "/map/match"
 MAP_ACCEPTED = "/map/loop_closures/accepted"
 MAP_REFUSED = "/map/loop_closures/refused"
 MAP_LEGEND = "/map/legend"
+MAP_SCALE = "/map/scale"
 MAP_ROBOT = "/map/robot"
 MAP_HEADING = "/map/heading"
 
@@ -65,6 +67,8 @@ PAGE = "/page"
 
 TRAIL_STEPS = 60
 """How far back the robot's trail reaches on the map."""
+NEAR_STEPS = 40
+"""How far the lanes near the step reach, either side: each state is then wide enough for its name."""
 
 SERIES: dict[str, tuple[str, int]] = {
     f"{PLOT_GATE}/nearest": ("nearest node's gate ratio", 0x4CA3FFFF),
@@ -83,9 +87,14 @@ SERIES: dict[str, tuple[str, int]] = {
 """Every line of every plot over time: its label and its colour (0xRRGGBBAA)."""
 
 WHITE = 0xFFFFFFFF
+BACKGROUND_COLOR = 0x0D1011FF
+"""Of the map, whose colours are made for it: the viewer is bright where the desktop is."""
+GREY_TEXT_COLOR = 0x8B949EFF
+"""To be read on a dark and on a bright ground."""
 UNASSIGNED_COLOR = 0x6E7681FF
 ACCEPTED_COLOR = 0x5CCB7AFF
 REFUSED_COLOR = 0xFF9F40FF
+MISSED_COLOR = 0xFFEA46FF
 PENDING_COLOR = 0xE5D352FF
 EVENT_COLOR = 0x4CA3FFFF
 FAINT_COLOR = 0xB9C2CC60
@@ -103,6 +112,20 @@ CLOSURES: tuple[tuple[float, str, int, float], ...] = (
 says, colour, line width. The colours are cividis, which people of any colour vision see as a scale from dark to bright;
 the darkest is lighter than there, to stand out from a black background."""
 
+ROOM_COLORS = (
+    0x88CCEEFF,
+    0xCC6677FF,
+    0x44AA99FF,
+    0xDDCC77FF,
+    0xAA4499FF,
+    0x117733FF,
+    0x6656B5FF,
+    0x999933FF,
+    0x882255FF,
+)
+"""Colours of the first rooms, as they come: Paul Tol's muted scheme, told apart by people of any colour vision, with
+its indigo made lighter for the black ground."""
+
 _GOLDEN_RATIO = 0.6180339887498949
 
 
@@ -118,6 +141,11 @@ def node_color(node: int) -> int:
     lightness, saturation = ((0.62, 0.75), (0.56, 0.55), (0.74, 0.70))[node % 3]
     red, green, blue = (round(255 * channel) for channel in colorsys.hls_to_rgb(hue, lightness, saturation))
     return red << 24 | green << 16 | blue << 8 | 0xFF
+
+
+def room_color(index: int) -> int:
+    """Return the colour of the room that comes as number `index`, 0xRRGGBBAA."""
+    return ROOM_COLORS[index] if index < len(ROOM_COLORS) else node_color(index)
 
 
 def most_nodes(steps: int) -> int:

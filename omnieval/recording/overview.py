@@ -40,7 +40,13 @@ class Overview:
         self._positions = np.full((64, 2), np.nan)
         self._rooms = Rooms()
         self._last_drawn = 0
+        self._drawn = {0: 0}
         self._graph: Graph | None = None
+
+    @property
+    def drawn(self) -> dict[int, int]:
+        """At which steps how many images were drawn at once, ascending; the later ones are recent from there on."""
+        return dict(self._drawn)
 
     def rows(self, decided: Decision, partition: Partition) -> list[tuple[str, Row]]:
         """Return what changes at this step, which `partition` has already taken in."""
@@ -52,7 +58,7 @@ class Overview:
             self._positions[frame] = capture.x, capture.y
         self._rooms.add(capture.room)
         labels = partition.labels
-        rows = self._image_rows(labels, relabelled=bool(decided.events))
+        rows = self._image_rows(frame, labels, relabelled=bool(decided.events))
         edges = tuple(count_transitions(labels))
         rows += node_rows(labels, self._positions[: frame + 1], partition.active, edges, self._rooms)
         rows += self._robot_rows(decided)
@@ -67,17 +73,17 @@ class Overview:
         """Return the map as it is when the leftovers have been placed."""
         edges = tuple(count_transitions(labels))
         return [
-            *self._image_rows(labels, relabelled=True),
+            *self._image_rows(len(labels), labels, relabelled=True),
             *node_rows(labels, self._positions[: len(labels)], active, edges, self._rooms),
             (layout.GRAPH, topological_graph(labels, active, edges)),
         ]
 
-    def _image_rows(self, labels: NDArray[np.int64], *, relabelled: bool) -> list[tuple[str, Row]]:
+    def _image_rows(self, frame: int, labels: NDArray[np.int64], *, relabelled: bool) -> list[tuple[str, Row]]:
         rows: list[tuple[str, Row]] = []
         count = len(labels)
         if relabelled or count - self._last_drawn > math.isqrt(2 * count) + 8:
             rows.append((layout.MAP_IMAGES, self._points(labels, 0)))
-            self._last_drawn = count
+            self._last_drawn = self._drawn[frame] = count
         return [*rows, (layout.MAP_RECENT, self._points(labels, self._last_drawn))]
 
     def _points(self, labels: NDArray[np.int64], first: int) -> Points:

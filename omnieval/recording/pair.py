@@ -22,13 +22,13 @@ from omnieval.mapping.config import MapperConfig
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Step
 from omnieval.recording import layout
-from omnieval.recording.blueprint import map_view, name_parts, whole_run
-from omnieval.recording.evidence import why_rows
+from omnieval.recording.blueprint import lanes, map_view, name_parts, whole_run
+from omnieval.recording.evidence import numbered, why_rows
 from omnieval.recording.overview import Overview
 from omnieval.recording.rows import Row, Scalar, State, Words
 from omnieval.recording.stream import Stream
-from omnieval.recording.styles import lane_state, styles
-from omnieval.recording.window import Extent
+from omnieval.recording.styles import lane_state, room_states, styles
+from omnieval.recording.window import Extent, extent_of
 from omnieval.results.compare import Agreement, matched_nodes
 from omnieval.results.run_folder import Run
 
@@ -60,7 +60,7 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
     """
     runs = (one, other)
     count = len(agreement.verdicts)
-    extent = _extent(one)
+    extent = extent_of(one.steps.select("x", "y").to_numpy())
     stream = Stream(
         path,
         recording_id=str(uuid.uuid4()),
@@ -70,6 +70,8 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
     try:
         stream.name(f"{one.folder.name} | {other.folder.name}", {"a": str(one.folder), "b": str(other.folder)})
         sides = _record_steps(stream, runs, agreement)
+        rooms = one.steps["room"].drop_nulls().unique(maintain_order=True).to_list()
+        stream.static(layout.LANE_ROOM, lambda: room_states(rooms))
         _log_styles(stream, count, extent, matched_nodes(*(side.labels for side in sides)))
     finally:
         stream.close()
@@ -134,9 +136,9 @@ def _record_steps(stream: Stream, runs: tuple[Run, Run], agreement: Agreement) -
 def _words(decisions: list[Decision], *, same: bool) -> Words:
     """Say in short what both decided; the pages say why."""
     texts = [_in_short(decided) for decided in decisions]
-    if same:
-        return Words(f"both {texts[0]}" if texts[0] == texts[1] else " | ".join(texts), "INFO", layout.FAINT_COLOR)
-    return Words(" | ".join(texts), "WARN", layout.REFUSED_COLOR)
+    both = f"both {texts[0]}" if same and texts[0] == texts[1] else " | ".join(texts)
+    level, color = ("INFO", layout.GREY_TEXT_COLOR) if same else ("WARN", layout.REFUSED_COLOR)
+    return Words(numbered(decisions[0].capture.frame, both), level, color)
 
 
 def _in_short(decided: Decision) -> str:
@@ -183,14 +185,6 @@ def _annotations(states: list[str], colors: list[int]) -> rr.AnnotationContext:
     )
 
 
-def _extent(run: Run) -> Extent | None:
-    positions = run.steps.select("x", "y").to_numpy()
-    if not len(positions) or not np.isfinite(positions).all():
-        return None
-    (x_min, y_min), (x_max, y_max) = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
-    return (x_min, y_min, x_max, y_max)
-
-
 def _blueprint(steps: int, runs: tuple[Run, Run], extent: Extent | None) -> rrb.Blueprint:
     names = [f"{letter}: {run.folder.name}" for letter, run in zip("AB", runs, strict=True)]
     maps = [map_view(f"{name} (pending in brackets)", extent, root) for name, root in zip(names, _ROOTS, strict=True)]
@@ -212,9 +206,7 @@ def _blueprint(steps: int, runs: tuple[Run, Run], extent: Extent | None) -> rrb.
         rrb.Horizontal(*pages),
         rrb.Horizontal(*plots),
         rrb.Horizontal(
-            rrb.StateTimelineView(
-                origin=layout.LANES, name="Nodes of A and B, where they differ", time_view=whole_run(steps)
-            ),
+            lanes(steps, names=("Nodes and differences near the step", "Whole run"), first=1),
             rrb.TextLogView(origin=layout.LOG, name="Decisions: A | B", columns=columns),
         ),
         row_shares=[0.38, 0.20, 0.14, 0.28],

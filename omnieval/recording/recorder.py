@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from omnieval.explain.capture import Capture
 from omnieval.explain.decision import Decision, best_match, decision
@@ -17,12 +18,22 @@ from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import FinalMap, Step
 from omnieval.recording import layout
 from omnieval.recording.blueprint import build_blueprint
-from omnieval.recording.evidence import curve_rows, decision_state, gate_rows, plot_rows, why_rows, word_rows
+from omnieval.recording.evidence import (
+    curve_rows,
+    decision_state,
+    gate_rows,
+    missed_rows,
+    numbered,
+    plot_rows,
+    why_rows,
+    word_rows,
+)
+from omnieval.recording.facts import ImageFacts
 from omnieval.recording.overview import Overview
 from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
 from omnieval.recording.rows import Picture, Row, State, Words
 from omnieval.recording.stream import Stream
-from omnieval.recording.styles import lane_state, styles
+from omnieval.recording.styles import lane_state, room_states, styles
 from omnieval.recording.view import check_viewer, start_viewer
 
 
@@ -62,7 +73,10 @@ class Recorder:
             self._stream.follow(build_blueprint(info.steps, info.mapper.gamma, info.extent, play="following"))
         self._partition = Partition()
         self._overview = Overview()
+        self._facts = ImageFacts(info.mapper.gamma)
+        self._final_labels: NDArray[np.int64] | None = None
         self._lanes: dict[str, str] = {}
+        self._rooms: list[str] = []
         self._captures: list[Capture] = []
         self._revisits = Revisits(info.mapper.n_new)
         self._log_header()
@@ -92,8 +106,9 @@ class Recorder:
             return
         self._stream.begin(step.frame, view.time_ns)
         decided = self._decided(step, revisit)
+        self._facts.add(decided)
         rows = [*word_rows(step, gamma), *plot_rows(view, gamma, self._partition.unassigned), *self._lane_rows(decided)]
-        rows += why_rows(decided, self._info.mapper)
+        rows += [*why_rows(decided, self._info.mapper), *missed_rows(decided)]
         rows += self._overview.rows(decided, self._partition)
         if self._detailed(step.frame):
             rows += [*gate_rows(step.gate), *curve_rows(step.match, gamma)]
@@ -109,7 +124,8 @@ class Recorder:
         end = len(final.labels)
         self._stream.begin(end, None)
         rows = self._overview.final_rows(final.labels, final.active)
-        words = Words(final_text(final), "FINAL", layout.WHITE)
+        self._final_labels = final.labels
+        words = Words(numbered(end, final_text(final)), "FINAL", layout.EVENT_COLOR)
         self._stream.add([*rows, (layout.LOG_EVENT, words)])
         changes = np.flatnonzero(np.diff(final.labels, prepend=-1))
         for frame in changes.tolist():
@@ -118,6 +134,8 @@ class Recorder:
 
     def close(self) -> None:
         """Complete the recording. Calling it again does nothing."""
+        if not self._stream.ended:
+            self._log_facts()
         self._stream.close()
 
     def __enter__(self) -> Self:
@@ -146,12 +164,26 @@ class Recorder:
         for entity, value in styles(info.steps, info.extent):
             stream.static(entity, value)
 
+    def _log_facts(self) -> None:
+        """Log what is said of an image that is selected; there are two entities that draw images."""
+        labels, stream = self._final_labels, self._stream
+        facts = self._facts.all(labels)
+        stream.facts(layout.MAP_IMAGES, facts.values)
+        stream.flush()  # the rows of an entity that are sent together are of one kind
+        for step, recent in self._facts.recent(self._overview.drawn, labels):
+            stream.begin(step, self._captures[step].time_ns)
+            stream.add([(layout.MAP_RECENT, recent)])
+
     def _lane_rows(self, decided: Decision) -> list[tuple[str, Row]]:
         """Return the lanes that change their state at this step."""
+        room = decided.capture.room
+        if room and room not in self._rooms:
+            self._rooms.append(room)
+            self._stream.static(layout.LANE_ROOM, lambda: room_states(self._rooms))
         states = {
             layout.LANE_DECISION: decision_state(decided),
             layout.LANE_NODE: lane_state(decided.node),
-            layout.LANE_ROOM: decided.capture.room or "",
+            layout.LANE_ROOM: room or "",
         }
         changed = {lane: state for lane, state in states.items() if self._lanes.get(lane, "") != state}
         self._lanes |= changed

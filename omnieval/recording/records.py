@@ -103,6 +103,8 @@ class StepView:
         Time of capture, nanoseconds since the epoch; None where unknown.
     silhouette
         Silhouette of the map so far; None where it cannot be computed.
+    file
+        Name of the image; empty where there is none.
     """
 
     step: Step
@@ -112,12 +114,13 @@ class StepView:
     room: str | None
     time_ns: int | None
     silhouette: float | None
+    file: str = ""
 
     @property
     def capture(self) -> Capture:
-        """What is known of the image besides its pixels and its name."""
+        """What is known of the image besides its pixels."""
         x, y = self.position or (None, None)
-        return Capture(self.step.frame, "", self.time_ns, x, y, self.yaw, self.room)
+        return Capture(self.step.frame, self.file, self.time_ns, x, y, self.yaw, self.room)
 
 
 @dataclass(frozen=True)

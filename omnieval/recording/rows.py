@@ -152,10 +152,19 @@ class Points:
             labels = [label for row in rows for label in row.labels or ()]
             batch = rr.components.TextBatch(labels)
             result.append(rr.ComponentColumn(rr.Points2D.descriptor_labels(), batch, lengths=lengths))
-        for name in rows[0].facts:
-            fact: dict[str, Any] = {name: [value for row in rows for value in row.facts[name]]}
-            result += rr.AnyValues.columns(**fact).partition(lengths)
-        return result
+        return [*result, *_fact_columns([row.facts for row in rows])]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is shown of the points of an entity that are selected, by name, one value for each point."""
+
+    values: Mapping[str, Sequence[str]]
+
+    @classmethod
+    def columns(cls, rows: Sequence[Self]) -> Columns:
+        """See `Row.columns`. All rows have facts of the same names."""
+        return _fact_columns([row.values for row in rows])
 
 
 @dataclass(frozen=True)
@@ -239,6 +248,14 @@ class Graph:
         if not edges:
             return [*nodes, _cleared(descriptor, batch, len(rows))]
         return [*nodes, rr.ComponentColumn(descriptor, batch(edges), lengths=counts)]
+
+
+def _fact_columns(facts: Sequence[Mapping[str, Sequence[str]]]) -> Columns:
+    columns: Columns = []
+    for name in facts[0]:
+        values: dict[str, Any] = {name: [value for fact in facts for value in fact[name]]}
+        columns += rr.AnyValues.columns(**values).partition([len(fact[name]) for fact in facts])
+    return columns
 
 
 def _screen(points: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -14,6 +15,8 @@ from omnieval.errors import ResultError
 from omnieval.recording import layout
 from omnieval.recording.drain import PipedFile
 from omnieval.recording.rows import Row
+
+Content = rr.AsComponents | list[rr.DescribedComponentBatch]
 
 FLUSH_STEPS = 50
 """Steps gathered before they are sent; a killed process loses at most these."""
@@ -97,9 +100,18 @@ class Stream:
         if values:
             self._do(lambda: self._rerun.send_property("run", rr.AnyValues(drop_untyped_nones=True, **values)))
 
-    def static(self, entity: str, value: rr.AsComponents | list[rr.DescribedComponentBatch]) -> None:
-        """Log what holds at all times; what was said before is replaced."""
-        self._do(lambda: self._rerun.log(entity, value, static=True))
+    def static(self, entity: str, value: Content | Callable[[], Content]) -> None:
+        """Log what holds at all times; what was said before is replaced.
+
+        What is made of a dataset's own words is given as a function: Rerun may refuse it.
+        """
+        self._do(lambda: self._rerun.log(entity, value() if callable(value) else value, static=True))
+
+    def facts(self, entity: str, values: Mapping[str, Sequence[str]]) -> None:
+        """Log by name what holds at all times of each point of an entity."""
+        lists: dict[str, Any] = {name: list(value) for name, value in values.items()}
+        if lists:
+            self._do(lambda: self._rerun.log(entity, rr.AnyValues(**lists), static=True))
 
     def begin(self, step: int, time_ns: int | None) -> None:
         """Let a step begin; rows belong to it from now on."""

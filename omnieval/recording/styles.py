@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 
@@ -22,7 +24,7 @@ def lane_state(node: int | None) -> str:
 def styles(steps: int, extent: Extent | None = None) -> list[tuple[str, Style]]:
     """Return how every entity of a recording of `steps` images is drawn; static data.
 
-    With the `extent` of the capture positions the map has a legend.
+    With the `extent` of the capture positions the map has a legend and a scale.
     """
     nodes = range(layout.most_nodes(steps) + 1)
     colors = np.array([layout.node_color(node) for node in nodes], np.uint32)
@@ -46,16 +48,23 @@ def styles(steps: int, extent: Extent | None = None) -> list[tuple[str, Style]]:
         (f"{layout.GATE}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
         (f"{layout.SIMILARITY}/{layout.THRESHOLD}", _bar_color(layout.BAND_COLOR)),
         *_map_styles(),
+        (layout.MISSED, rr.SeriesPoints(colors=layout.MISSED_COLOR, names="missed loop closure", marker_sizes=2.5)),
         (layout.WHY, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN)),
     ]
     for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
         fixed.append((f"{curve}/{layout.CURVE}", _bar_color(layout.CURVE_COLOR)))
         fixed.append((f"{curve}/{layout.BEST}", _bar_color(layout.BEST_COLOR)))
     if extent is not None:
-        fixed.append((layout.MAP_LEGEND, _legend(extent)))
+        fixed += [(layout.MAP_LEGEND, _legend(extent)), (layout.MAP_SCALE, _scale(extent))]
     for entity, (label, color) in layout.SERIES.items():
         fixed.append((entity, rr.SeriesLines(colors=color, names=label, widths=1.2)))
     return fixed
+
+
+def room_states(rooms: Sequence[str]) -> rr.StateConfiguration:
+    """Return how the lane of rooms is drawn, each in a colour of its own."""
+    colors = [layout.room_color(index) for index in range(len(rooms))]
+    return rr.StateConfiguration(values=list(rooms), colors=np.array(colors, np.uint32))
 
 
 def _map_styles() -> list[tuple[str, Style]]:
@@ -84,6 +93,18 @@ def _legend(extent: Extent) -> Style:
         labels=[label for _, label, _, _ in layout.CLOSURES],
         colors=np.array([color for _, _, color, _ in layout.CLOSURES], np.uint32),
         radii=rr.Radius.ui_points(5.0),
+        show_labels=True,
+    )
+
+
+def _scale(extent: Extent) -> Style:
+    """Return a line that is a round number of metres long."""
+    length, ends = map_window(extent).scale()
+    return rr.LineStrips2D(
+        [ends * (1.0, -1.0)],
+        labels=[f"{length:g} m"],
+        colors=layout.WHITE,
+        radii=rr.Radius.ui_points(1.0),
         show_labels=True,
     )
 

@@ -10,12 +10,18 @@ from numpy.typing import NDArray
 Extent = tuple[float, float, float, float]
 """(x min, y min, x max, y max) of the capture positions, metres."""
 
-_ASPECT = 1.7
+_ASPECT = 2.0
 """Width over height of the map view."""
 _MARGIN = 0.06
 """Free border on every side, as a share of the height of the building."""
 _LEGEND = 0.14
 """Room for the legend below the building, likewise."""
+_SCALE = 0.14
+"""Most of the width that the scale takes."""
+_SCALE_FROM = 0.03
+"""Where the scale begins, as a share of the width."""
+_ROUND_LENGTHS = tuple(digit * 10.0**power for power in range(-1, 4) for digit in (1, 2, 5))
+"""Lengths that a scale may have, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +44,30 @@ class Window:
         return self.y_max - self.y_min
 
     def legend(self, entries: int) -> NDArray[np.float64]:
-        """Return where so many entries of a legend stand: in a row at the lower border, shape (entries, 2), metres."""
-        x = self.x_min + self.width * (np.arange(entries) + 0.5) / entries
-        return np.stack([x, np.full(entries, self.y_min + 0.09 * self.height)], axis=1)
+        """Return where so many entries of a legend stand: in a row at the lower border, shape (entries, 2), metres.
+
+        The row begins with the scale.
+        """
+        x = self.x_min + self.width * (np.arange(entries) + 1.5) / (entries + 1)
+        return np.stack([x, np.full(entries, self._legend_y)], axis=1)
+
+    def scale(self) -> tuple[float, NDArray[np.float64]]:
+        """Return the length of the scale, a round number of metres, and its two ends, shape (2, 2), metres."""
+        length = max((one for one in _ROUND_LENGTHS if one <= _SCALE * self.width), default=_ROUND_LENGTHS[0])
+        x = self.x_min + _SCALE_FROM * self.width
+        return length, np.array([[x, self._legend_y], [x + length, self._legend_y]])
+
+    @property
+    def _legend_y(self) -> float:
+        return self.y_min + 0.09 * self.height
+
+
+def extent_of(positions: NDArray[np.float64]) -> Extent | None:
+    """Return the extent of capture positions, shape (n, 2), metres; None unless all are known."""
+    if not len(positions) or not np.isfinite(positions).all():
+        return None
+    (x_min, y_min), (x_max, y_max) = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
+    return (x_min, y_min, x_max, y_max)
 
 
 def map_window(extent: Extent) -> Window:

@@ -22,7 +22,7 @@ NOT_RUN = {
     "omnieval replay --spawn": "opens a window; tests/recording/test_view.py has it",
     "omnieval replay --connect": "needs a viewer that listens; tests/recording/test_view.py has it",
     "omnieval doctor --json": "takes seconds; tests/cli/test_doctor.py has it",
-    "from rerun.notebook import Viewer": "needs rerun-sdk[notebook], and a notebook",
+    "from omnieval.recording.notebook import show": "needs a notebook; tests/recording/test_notebook.py has it",
     "RecordingOptions(spawn=True)": "opens a window; tests/recording/test_view.py has it",
 }
 """Beginnings of commands, and words of programs, that are not run, and why."""

@@ -129,6 +129,7 @@ def view(a_step, *, poses=True, room=True, silhouette=0.25):
         room=("KT" if a_step.frame % 60 < 30 else "LR") if room else None,
         time_ns=1_152_904_768_000_000_000 + 200_000_000 * a_step.frame if poses else None,
         silhouette=silhouette,
+        file=f"image-{a_step.frame}.jpeg",
     )
 
 

@@ -47,3 +47,36 @@ def test_a_file_opens_paused_at_its_steps_and_a_live_view_follows():
     assert build_blueprint(900, 5.0).time_panel.play_state == "paused"
     assert build_blueprint(900, 5.0).time_panel.timeline == layout.STEP
     assert build_blueprint(900, 5.0, play="following").time_panel.play_state == "following"
+
+
+def lane_window(**options):
+    """First and last step that the lanes near the step show, from the step."""
+    near = next(view for view in shown(**options) if view.name == "Lanes near the step")
+    (window,) = near.properties["TimeAxis"].view_range.as_arrow_array().to_pylist()
+    return window["start"], window["end"]
+
+
+def test_lanes_move_with_the_step_and_a_live_view_shows_what_has_been():
+    assert lane_window() == (-layout.NEAR_STEPS, layout.NEAR_STEPS)
+    start, end = lane_window(play="following")
+    assert end - start == 2 * layout.NEAR_STEPS
+    assert start < -layout.NEAR_STEPS < 0 <= end
+
+
+def test_lanes_near_the_step_come_before_those_of_the_whole_run():
+    tabs = [part for part in containers(build_blueprint(900, 5.0).root_container) if isinstance(part, rrb.Tabs)]
+    (lanes,) = (part for part in tabs if next(iter(views(part))).origin == layout.LANES)
+    assert [view.name for view in lanes.contents] == ["Lanes near the step", "Whole run"]
+    assert lanes.active_tab == 0
+
+
+def test_the_map_is_dark_whatever_the_theme_of_the_desktop():
+    (view,) = (view for view in shown() if view.origin == layout.MAP)
+    (color,) = view.properties["Background"].color.as_arrow_array().to_pylist()
+    assert color == layout.BACKGROUND_COLOR
+
+
+def containers(part):
+    if isinstance(part, rrb.View):
+        return []
+    return [part, *(child for content in part.contents for child in containers(content))]

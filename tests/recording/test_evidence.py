@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnieval.explain.capture import Capture
-from omnieval.explain.decision import decision
+from omnieval.explain.decision import best_match, decision
 from omnieval.explain.revisit import Revisit
+from omnieval.mapping.config import MapperConfig
 from omnieval.mapping.step import Centroid, NodeGate, Verdict
 from omnieval.recording import layout
 from omnieval.recording.evidence import (
@@ -20,12 +21,15 @@ from omnieval.recording.evidence import (
     curve_rows,
     decision_state,
     gate_rows,
+    missed_rows,
     plot_rows,
     pooled_bars,
     prominence_level,
+    why_rows,
     word_rows,
 )
-from tests.recording.replays import GAMMA, by_entity, match, step, steps, view
+from omnieval.recording.rows import Scalar
+from tests.recording.replays import GAMMA, by_entity, decided, match, step, steps, view
 
 
 @given(st.integers(1, 5000), st.integers(0, 2**32 - 1))
@@ -127,7 +131,7 @@ def test_an_infinite_ratio_is_not_drawn():
 
 
 def test_refusals_stand_out_in_the_log():
-    levels = {decided.verdict: by_entity(word_rows(decided, GAMMA))[layout.LOG_DECISION].level for decided in steps(30)}
+    levels = {a_step.verdict: by_entity(word_rows(a_step, GAMMA))[layout.LOG_DECISION].level for a_step in steps(30)}
     refused = {verdict for verdict, level in levels.items() if level == "WARN"}
     assert refused == {Verdict.NO_CANDIDATE, Verdict.PROMINENCE, Verdict.CENTROID}
 
@@ -152,6 +156,54 @@ def test_colours_of_nodes_depend_on_the_number_alone_and_differ():
 )
 def test_a_refusal_at_a_known_place_is_a_missed_loop_closure(verdict, metres, state):
     revisit = None if metres is None else Revisit(Capture(0, ""), 1, metres)
-    decided = decision(step(40, verdict), Capture(40, ""), None, revisit)
-    assert decision_state(decided) == state
+    one = decision(step(40, verdict), Capture(40, ""), None, revisit)
+    assert decision_state(one) == state
     assert state in DECISION_COLORS
+    assert bool(missed_rows(one)) == (state == "missed")
+
+
+def test_a_missed_loop_closure_is_marked_at_the_ratio_that_refused_it():
+    near = Revisit(Capture(0, ""), 1, 0.2)
+    refused = step(40, Verdict.PROMINENCE, match=match(30, prominence=3.1))
+    best = best_match(refused.match, Capture(40, ""), Capture(0, ""), 256)
+    assert missed_rows(decision(refused, Capture(40, ""), best, near)) == [(layout.MISSED, Scalar(3.1))]
+    nowhere = decision(step(40, Verdict.NO_CANDIDATE), Capture(40, ""), None, near)
+    assert missed_rows(nowhere) == [(layout.MISSED, Scalar(0.0))]
+
+
+def labels_of(one):
+    """The bold labels of a page, in their order."""
+    page = by_entity(why_rows(one, MapperConfig(gamma=GAMMA)))[layout.WHY].text
+    headline, reasons = page.split("\n\n")
+    assert headline.startswith("**")
+    return [line.split("**")[1] for line in reasons.split("  \n")]
+
+
+def test_the_page_begins_with_what_would_let_a_refused_image_in_or_with_the_match_of_an_accepted_one():
+    closed, refused = (labels_of(decided(steps(30)[frame])) for frame in (15, 20))
+    assert refused.index("would flip") < refused.index("best match")
+    assert closed.index("best match") < closed.index("prominence") < closed.index("would flip")
+
+
+def test_every_line_of_the_log_begins_with_its_step():
+    for a_step in steps(60):
+        for entity, words in word_rows(a_step, GAMMA):
+            assert words.text.startswith(f"{a_step.frame}: "), entity
+
+
+@pytest.mark.parametrize("ground", [0x0D1011FF, 0xFFFFFFFF])
+def test_the_log_can_be_read_in_a_dark_and_in_a_bright_viewer(ground):
+    assert contrast(layout.GREY_TEXT_COLOR, ground) > 3
+    assert contrast(layout.EVENT_COLOR, ground) > 2.5
+
+
+def contrast(one, other):
+    """Contrast of two colours, 1..21 (WCAG 2.1)."""
+    bright, dark = sorted((luminance(one), luminance(other)), reverse=True)
+    return (bright + 0.05) / (dark + 0.05)
+
+
+def luminance(color):
+    channels = [(color >> shift & 255) / 255 for shift in (24, 16, 8)]
+    linear = [channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4 for channel in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -47,7 +47,7 @@ def test_each_side_says_its_own_decision(recorded, agreed):
     assert pages[0].startswith("**joined node")
     assert pages[1].startswith("**refused: prominence")
     (words,) = column(recorded, layout.LOG_DECISION, "TextLog:text")[frame]
-    assert words == "assigned, node 1 | prominence"
+    assert words == f"{frame}: assigned, node 1 | prominence"
 
 
 def test_steps_that_differ_are_marked(recorded, agreed):
@@ -56,6 +56,14 @@ def test_steps_that_differ_are_marked(recorded, agreed):
     lane = column(recorded, "/lanes/difference", "StateChange:state")
     assert lane[0] == ["same"]
     assert "other verdict" in lane[agreed.first_parted][0]
+
+
+def test_rooms_have_colours_of_their_own(recorded, runs):
+    rooms = set(runs[0].steps["room"].drop_nulls())
+    (names,) = column(recorded, layout.LANE_ROOM, "StateConfiguration:values").values()
+    (colors,) = column(recorded, layout.LANE_ROOM, "StateConfiguration:colors").values()
+    assert set(names[0] if isinstance(names[0], list) else names) == rooms
+    assert len(set(colors)) == len(rooms) > 1
 
 
 def test_a_pair_is_a_kind_of_recording_of_its_own(recorded):

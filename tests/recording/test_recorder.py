@@ -65,7 +65,8 @@ def test_every_step_is_there(recorded):
     assert check_recording(recorded) == COUNT
     for entity in (EVERY_STEP | PICTURES | CURVES) - {layout.MAP_RECENT, layout.MAP_NODES}:
         assert rows[entity] == COUNT, entity
-    assert rows[layout.MAP_RECENT] == rows[layout.MAP_NODES] == COUNT + 1  # the final map
+    assert len(column(recorded, layout.MAP_RECENT, "Points2D:positions")) == COUNT + 1  # the final map
+    assert rows[layout.MAP_NODES] == COUNT + 1
 
 
 def test_events_and_changes_are_there_when_they_happen(recorded):
@@ -79,11 +80,29 @@ def test_events_and_changes_are_there_when_they_happen(recorded):
     assert column(recorded, layout.LANE_FINAL, "StateChange:state") == {0: ["1"], COUNT - 1: ["2"]}
 
 
+def test_every_room_has_a_colour_of_its_own_that_does_not_change(recorded):
+    lanes = [chunk for chunk in RrdReader(recorded).stream() if chunk.entity_path == layout.LANE_ROOM]
+    named = [
+        dict(zip(names, colors, strict=True))
+        for batch in (chunk.to_record_batch() for chunk in lanes if chunk.is_static)
+        for names, colors in zip(
+            batch.column("StateConfiguration:values").to_pylist(),
+            batch.column("StateConfiguration:colors").to_pylist(),
+            strict=True,
+        )
+    ]
+    assert {"KT": layout.room_color(0), "LR": layout.room_color(1)} in named
+    assert all(colors["KT"] == layout.room_color(0) for colors in named)
+    assert len({layout.room_color(index) for index in range(30)}) == 30
+
+
 def test_words_in_the_recording_give_the_reason(recorded):
     said = column(recorded, layout.LOG_DECISION, "TextLog:text")
-    assert said[20] == ["refused: prominence 3.1 x mean < 5"]
-    assert said[24] == ["no candidate: nearest node 1 at 2.31 > x = 1.85"]
-    assert column(recorded, layout.LOG_EVENT, "TextLog:text")[29] == ["created node 2 from images 24-29"]
+    assert said[20] == ["20: refused: prominence 3.1 x mean < 5"]
+    assert said[24] == ["24: no candidate: nearest node 1 at 2.31 > x = 1.85"]
+    events = column(recorded, layout.LOG_EVENT, "TextLog:text")
+    assert events[29] == ["29: created node 2 from images 24-29"]
+    assert events[COUNT][0].startswith(f"{COUNT}: final map: 2 nodes")
 
 
 def test_the_page_of_a_step_says_what_would_have_turned_it_and_where_the_match_was_taken(recorded):
@@ -103,6 +122,20 @@ def test_every_loop_closure_is_recorded_once_and_a_node_says_what_it_holds(recor
     assert rows[layout.MAP_REFUSED] == verdicts.count(Verdict.PROMINENCE) + verdicts.count(Verdict.CENTROID)
     assert column(recorded, layout.MAP_NODES, "rooms")[9] == ["KT 100 %"]
     assert column(recorded, layout.MAP_NODES, "images")[15] == ["16"]
+
+
+def test_missed_loop_closures_are_marked_in_the_plot_of_prominences(tmp_path):
+    path, count = tmp_path / "replay.rrd", 160  # the robot has been everywhere after 126 steps
+    record(path, count=count, pictures=False)
+    states = column(path, layout.LANE_DECISION, "StateChange:state")
+    marks = column(path, layout.MISSED, "Scalars:scalars")
+    state, missed = "", []
+    for frame in range(count):
+        (state,) = states.get(frame, [state])
+        missed += [frame] if state == "missed" else []
+    assert missed
+    assert sorted(marks) == missed
+    assert {ratio for (ratio,) in marks.values()} == {0.0, 3.1, 8.0}  # no candidate, prominence, centroid
 
 
 def test_numbers_in_the_recording_are_those_of_the_step(recorded):

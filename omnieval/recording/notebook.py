@@ -1,0 +1,59 @@
+"""A run in the viewer of a notebook."""
+
+from __future__ import annotations
+
+from typing import Literal
+from weakref import WeakKeyDictionary
+
+import rerun as rr
+import rerun.notebook
+from rerun.chunk import RrdReader
+
+from omnieval.errors import OmnievalError, ResultError
+from omnieval.explain.run import RunExplainer
+from omnieval.recording import layout
+from omnieval.recording.blueprint import build_blueprint
+from omnieval.recording.view import check_recording
+from omnieval.recording.window import extent_of
+from omnieval.results.run_folder import Run
+
+_SHOWN: WeakKeyDictionary[rerun.notebook.Viewer, rr.RecordingStream] = WeakKeyDictionary()
+"""A file is sent when the notebook is ready for it, so the recording has to live as long as its viewer."""
+
+
+def show(run: Run, *, size: tuple[int, int] | None = None) -> rerun.notebook.Viewer:
+    """Return the recording of a run as a viewer, which a notebook shows if it is the last value of a cell.
+
+    Parameters
+    ----------
+    run
+        A run with a recording.
+    size
+        Width and height of the viewer, pixels; None for the width of the cell at 16:9.
+
+    Raises
+    ------
+    ResultError
+        If the run has no recording, or it cannot be read.
+    OmnievalError
+        If the viewer for notebooks is not installed.
+    """
+    if not rerun.notebook.HAS_NOTEBOOK:
+        raise OmnievalError("the viewer for notebooks is not installed: pip install 'rerun-sdk[notebook]'")
+    if not run.recording.exists():
+        raise ResultError(f"{run.folder} has no recording; make one with: omnieval render {run.folder}")
+    steps = check_recording(run.recording)
+    (shown,) = RrdReader(run.recording).recordings()
+    # With the id of the file, what the file brings goes into this recording, not into another one beside it.
+    recording = rr.RecordingStream(layout.APPLICATION_ID, recording_id=shown.recording_id, send_properties=False)
+    extent = extent_of(run.steps.select("x", "y").to_numpy())
+    # A viewer in a notebook leaves the blueprint of a file aside.
+    blueprint = build_blueprint(steps, RunExplainer(run).config.gamma, extent)
+    width: int | Literal["auto"]
+    height: int | Literal["auto"]
+    width, height = size or ("auto", "auto")
+    # The colours are made for a dark ground; a notebook may be bright.
+    viewer = rerun.notebook.Viewer(width=width, height=height, recording=recording, blueprint=blueprint, theme="dark")
+    recording.log_file_from_path(run.recording)
+    _SHOWN[viewer] = recording
+    return viewer
