@@ -1,7 +1,8 @@
 """Is an image file whole? Decoders pad a truncated image silently, so the end is looked for in the bytes.
 
 A JPEG or BMP whose middle has been overwritten decodes, with a part of the picture wrong: nothing in these formats
-guards the pixels, and what the JPEG decoder notices it prints and does not hand on. A PNG guards them by checksums.
+guards the pixels, and what the JPEG decoder notices it prints and does not hand on. What the bytes of a JPEG tell is
+looked for (`datasets.jpeg`). A PNG guards its pixels by checksums.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import stat
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,17 +18,13 @@ import cv2
 import numpy as np
 from cv2.typing import MatLike
 
-_JPEG_START = b"\xff\xd8"
-_JPEG_END = b"\xff\xd9"
+from omnieval.datasets import jpeg
+
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
 _BMP_START = b"BM"
 _BMP_HEADER = 40
 """Bytes of the header from which on sizes take four bytes each."""
-_START_OF_SCAN = 0xDA
-_STANDALONE = frozenset({0x01, *range(0xD0, 0xD8)})
-"""JPEG markers without a length: TEM and the restart markers."""
-_START_OF_FRAME = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 _PNG_ANCILLARY = 0x20
 """Bit of the first letter of a PNG chunk that can be done without; decoders pass over a damaged one."""
 
@@ -72,9 +69,8 @@ def wrong_size(size: tuple[int, int], usual: tuple[int, int]) -> str:
 
 def is_truncated(data: bytes) -> bool:
     """Tell whether the JPEG, PNG or BMP in `data` lacks its end; False for other formats."""
-    if data.startswith(_JPEG_START):
-        scan = next((end for marker, _, end in _jpeg_segments(data) if marker == _START_OF_SCAN), None)
-        return scan is None or data.rfind(_JPEG_END, scan) < 0
+    if data.startswith(jpeg.START):
+        return jpeg.is_cut_short(data)
     if data.startswith(_PNG_START):
         return _PNG_END not in data
     if data.startswith(_BMP_START):
@@ -82,10 +78,16 @@ def is_truncated(data: bytes) -> bool:
     return False
 
 
-def is_damaged(data: bytes) -> bool:
-    """Tell whether a checksum in `data` is wrong; only a PNG has any."""
-    if not data.startswith(_PNG_START):
-        return False
+def damage(data: bytes) -> str | None:
+    """Say what is wrong in the middle of the JPEG or PNG in `data`; None if nothing is seen, and for other formats."""
+    if data.startswith(jpeg.START) and jpeg.is_overwritten(data):
+        return "a part of it was overwritten"
+    if data.startswith(_PNG_START) and _has_wrong_checksum(data):
+        return "a checksum is wrong"
+    return None
+
+
+def _has_wrong_checksum(data: bytes) -> bool:
     view, position = memoryview(data), len(_PNG_START)
     while position + 12 <= len(data):
         end = position + 8 + int.from_bytes(data[position : position + 4], "big")
@@ -101,9 +103,8 @@ def is_damaged(data: bytes) -> bool:
 def header_size(data: bytes) -> tuple[int, int] | None:
     """Return (width, height) in pixels as the header of a JPEG, PNG or BMP has it; None if it tells no such thing."""
     width = height = 0
-    if data.startswith(_JPEG_START):
-        frame = next((start for marker, start, _ in _jpeg_segments(data) if marker in _START_OF_FRAME), len(data))
-        height, width = (int.from_bytes(data[at : at + 2], "big") for at in (frame + 3, frame + 5))
+    if data.startswith(jpeg.START):
+        width, height = jpeg.size_of(data)
     elif data.startswith(_PNG_START):
         width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
     elif data.startswith(_BMP_START) and int.from_bytes(data[14:18], "little") >= _BMP_HEADER:
@@ -124,8 +125,8 @@ def _whole(path: Path) -> bytes | ImageReport:
         return ImageReport(code="empty-image", message="has no bytes; copy it again")
     if is_truncated(data):
         return ImageReport(code="truncated-image", message=f"ends early, after {len(data)} bytes; copy it again")
-    if is_damaged(data):
-        return ImageReport(code="damaged-image", message="is damaged: a checksum is wrong; copy it again")
+    if wrong := damage(data):
+        return ImageReport(code="damaged-image", message=f"is damaged: {wrong}; copy it again")
     return data
 
 
@@ -137,23 +138,3 @@ def _decoded_report(data: bytes) -> ImageReport:
     if pixels is None:
         return ImageReport(code="not-an-image", message="is not an image; copy it again or remove it")
     return ImageReport(size=(int(pixels.shape[1]), int(pixels.shape[0])))
-
-
-def _jpeg_segments(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield marker, start of content and end of the segments up to the coded pixels, as far as they are there.
-
-    An end-of-image marker counts only behind these: the thumbnail in a header has one of its own.
-    """
-    position = len(_JPEG_START)
-    while position + 4 <= len(data) and data[position] == 0xFF:
-        marker = data[position + 1]
-        if marker == 0xFF:
-            position += 1
-        elif marker in _STANDALONE:
-            position += 2
-        else:
-            start = position + 2
-            position = start + int.from_bytes(data[start : start + 2], "big")
-            yield marker, start, position
-            if marker == _START_OF_SCAN:
-                return

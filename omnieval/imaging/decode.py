@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.datasets.images import is_damaged, is_truncated
+from omnieval.datasets.images import damage, is_truncated
 from omnieval.errors import DatasetError
 
 
@@ -39,9 +39,9 @@ def _decode(data: bytes, where: str, flags: int) -> NDArray[np.uint8]:
     # A file cut short may still decode, its missing part grey, which would silently change every descriptor.
     if is_truncated(data):
         raise DatasetError(f"image {where} is truncated; remove or replace it")
-    # Said here because the decoder would print its own complaint besides.
-    if is_damaged(data):
-        raise DatasetError(f"image {where} is damaged (a checksum is wrong); remove or replace it")
+    # Said here because the decoder would print its own complaint, or none at all.
+    if wrong := damage(data):
+        raise DatasetError(f"image {where} is damaged ({wrong}); remove or replace it")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:  # what one release of OpenCV answers with None, another raises

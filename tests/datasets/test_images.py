@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from omnieval.datasets.images import examine_image, header_size, inspect_image, is_damaged, is_truncated
+from omnieval.datasets.images import damage, examine_image, header_size, inspect_image, is_truncated
 from tests.datasets.trees import image_bytes
 
 SUFFIXES = [".jpeg", ".png", ".bmp"]
@@ -63,13 +63,13 @@ def test_every_flipped_byte_behind_the_signature_of_a_png_is_damage():
     for position in range(8, len(data)):
         spoilt = bytearray(data)
         spoilt[position] ^= 0x40
-        assert is_damaged(bytes(spoilt)) or is_truncated(bytes(spoilt)), position
+        assert damage(bytes(spoilt)) or is_truncated(bytes(spoilt)), position
 
 
 def test_a_damaged_remark_within_a_png_is_none_to_its_pixels():
     data = image_bytes(".png")
     remark = b"\0\0\0\x03tEXtabc" + b"\0\0\0\0"
-    assert not is_damaged(data[:33] + remark + data[33:])
+    assert not damage(data[:33] + remark + data[33:])
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -238,10 +238,7 @@ def test_permission_is_said(command, panoramas, tmp_path):
 PROGRAM = [
     # arguments                                           code  what the one line on stderr must say
     (["replay", "{data}"],                                3,    ["image41.png", "checksum", "omnieval dataset check"]),
-    (["describe", "{data}", "--out", "d.npz"],            3,    ["image41.png", "checksum", "--skip-bad"]),
-    (["replay", "{data}/none"],                           3,    ["{data}/none", "no such folder", "check the path"]),
     (["replay", "{data}", "--set", "omgea=2"],            2,    ["--set omgea=2", "did you mean omega?"]),
-    (["map", "{data}/poses.csv"],                         3,    ["{data}/poses.csv", "expected a .npz archive"]),
     (["replay", "{data}", "--skip-bad", "--limit", "42"], 0,    ["1 of 42 images left out: image41.png is damaged"]),
 ]  # fmt: skip
 

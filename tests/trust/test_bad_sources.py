@@ -203,8 +203,8 @@ FOLDERS = [
     ("umlauts",          "Häuser/Straße Ω",                               "Straße-Ω-hog"),
     ("another script",   "家",                                            "家-hog"),
     ("an emoji",         "\N{HOUSE BUILDING}",                            "sequence-hog"),
-    ("a long name",      "n" * 200,                                       "n" * 100),
-    ("a long path",      "/".join(["p" * 100] * 12),                      "p" * 100),
+    ("a long name",      "n" * 200,                                       f"{'n' * 49}...{'n' * 44}-hog"),
+    ("a long path",      "/".join(["p" * 100] * 12),                      f"{'p' * 49}...{'p' * 44}-hog"),
     ("a colon",          "folder:x",                                      "folder-x-hog"),
     ("a leading dash",   "-rf",                                           "rf-hog"),
     ("a leading dot",    "...",                                           "sequence-hog"),
@@ -249,6 +249,24 @@ def test_an_archive_that_cannot_be_written_is_refused_before_the_work(out, words
     before = listing(tmp_path)
     refused(command("describe", panoramas, "--out", out), 2, out, words)
     assert listing(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["replay", "{data}", *TINY, "--no-rrd", "--out"],
+        ["ablate", "{data}", *TINY, "--vary", "gamma=1,2", "--resume", "--out"],
+        ["baseline", "{data}", "--k", "2", "--out"],
+        ["report", "{run}", "--out"],
+        ["compare", "{run}"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_folder_of_an_impossible_name_is_said_to_be_one(arguments, command, panoramas, tmp_path):
+    run = tmp_path / "a"
+    assert command("replay", panoramas, *TINY, "--limit", 12, "--no-rrd", "--out", run).code == 0
+    given = [argument.format(data=panoramas, run=run) for argument in arguments]
+    refused(command(*given, "n" * 300), 2, "File name too long")
 
 
 def test_a_crafted_data_card_cannot_name_files_elsewhere(command, tmp_path):
