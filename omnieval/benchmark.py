@@ -126,16 +126,24 @@ def run_baseline(
         images = _undescribed(material)
         order.method.check(images)
         folder = out or free_folder(RUNS, f"{material.name}-{material.descriptor}-{method}")
-        manifest = _manifest(material, config, order, at_k_of)
-        writer = PartitionWriter(folder, manifest, overwrite=overwrite)
-        try:
+        writer = PartitionWriter(folder, _manifest(material, config, order, at_k_of), overwrite=overwrite)
+        with _closed_if_stopped(writer):
             return _run(material, images, config, order, writer, progress)
-        except KeyboardInterrupt:
-            writer.close("interrupted", {"reason": "interrupted by the user"})
-            raise
-        except OmnievalError as error:
-            writer.close("failed", {"reason": str(error)})
-            raise
+
+
+def check_options(
+    *, method: str, similarity: str | None = None, ks: Iterable[int] | None = None, at_k_of: Path | None = None
+) -> None:
+    """Refuse what no sequence could make right, without looking at one; `run_baseline` describes each.
+
+    Raises
+    ------
+    ConfigError
+        If method, similarity or a number of clusters is wrong, or they do not go together.
+    ResultError
+        If `at_k_of` is no complete run.
+    """
+    _order(method, similarity, ks, at_k_of)
 
 
 @contextmanager
@@ -147,6 +155,19 @@ def _opened(source: str | Path | Sequence, config: Config, descriptor: Descripto
     sequence = source if isinstance(source, Sequence) else load(source)
     with DescriptorCache() as cache:
         yield image_material(sequence, config, descriptor or config.make_descriptor(), cache)
+
+
+@contextmanager
+def _closed_if_stopped(writer: PartitionWriter) -> Iterator[None]:
+    """Say in the folder why the block did not reach its end."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        writer.close("interrupted", {"reason": "interrupted by the user"})
+        raise
+    except OmnievalError as error:
+        writer.close("failed", {"reason": str(error)})
+        raise
 
 
 def _order(method: str, similarity: str | None, ks: Iterable[int] | None, at_k_of: Path | None) -> _Order:
@@ -207,7 +228,7 @@ def _run(
         before = time.perf_counter()
         labels = partition(k)
         seconds = shared + time.perf_counter() - before
-        evaluation = evaluate(labels, None, images.positions, rooms=images.rooms, seed=seed)
+        evaluation = evaluate(labels, None, images.positions, rooms=images.rooms, seed=seed, unposed=material.unposed)
         for name, reason in evaluation.reasons.items():
             reasons.setdefault(name, {})[reason] = None
         made = {"dataset": material.name, "descriptor": material.descriptor, "method": order.name}
@@ -227,7 +248,8 @@ def _run(
 
 def _undescribed(material: Material) -> Images:
     rooms = tuple(frame.room for frame in material.frames)
-    return Images(material.source, np.empty((len(rooms), 0), np.float32), material.positions, rooms)
+    nothing = np.empty((len(rooms), 0), np.float32)
+    return Images(material.source, nothing, material.positions, rooms, unposed=material.unposed)
 
 
 def _describe(material: Material, progress: Progress | None) -> tuple[NDArray[np.float32], list[str]]:

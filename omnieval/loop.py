@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,9 @@ from omnieval.results.atomic import replacing
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
 from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder
 from omnieval.results.tables import nodes_frame, step_row, transitions_frame, with_final_map
-from omnieval.sinks import RecordingSink
+
+if TYPE_CHECKING:
+    from omnieval.sinks import RecordingSink
 
 Progress = Callable[[int, int], None]
 RUNS = Path("runs")
@@ -125,7 +127,7 @@ def describe_archive(
     progress: Progress | None = None,
 ) -> Archive:
     """Describe a sequence and write the archive; see `replay` and `descriptors.archive`."""
-    _claim_file(file, overwrite=overwrite)
+    claim_file(file, overwrite=overwrite)
     config = config or resolve()
     describing = descriptor or config.make_descriptor()
     described = []
@@ -144,8 +146,14 @@ def describe_archive(
     return archive
 
 
-def _claim_file(file: Path, *, overwrite: bool) -> None:
-    """Refuse a file that cannot or must not be written, before the work of filling it is done."""
+def claim_file(file: Path, *, overwrite: bool) -> None:
+    """Refuse a file that cannot or must not be written, before the work of filling it is done.
+
+    Raises
+    ------
+    ResultError
+        If it exists and is not to be overwritten, or has no folder.
+    """
     try:
         occupied = file.is_dir() or (file.exists() and not overwrite)
     except OSError as error:
@@ -180,6 +188,8 @@ def run(
     sink = None
     try:
         if recording:
+            from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
+
             sink = RecordingSink(writer.folder / RECORDING, material, config, recording)
         return _run(material, config, mapper, method, writer, sink, progress)
     except KeyboardInterrupt:
@@ -234,7 +244,14 @@ def _run(
             progress(step.frame + 1, len(material.frames))
     final = mapper.finish()
     rooms = [frame.room for frame in material.frames]
-    evaluation = evaluate(final.labels, final.placements, material.positions, rooms=rooms, seed=config.mapper.seed)
+    evaluation = evaluate(
+        final.labels,
+        final.placements,
+        material.positions,
+        rooms=rooms,
+        seed=config.mapper.seed,
+        unposed=material.unposed,
+    )
     seconds = time.perf_counter() - started
     steps = with_final_map(writer.steps(), final)
     tables = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnieval.config import Config
 from omnieval.datasets.scan import FARTHEST_M
-from omnieval.datasets.sequence import Frame, Sequence
+from omnieval.datasets.sequence import Frame, Pose, Sequence
 from omnieval.descriptors.archive import load_archive
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.describe import DescribedFrame, Describer
@@ -44,6 +45,8 @@ class Material:
         Its frames.
     positions
         True capture positions, shape (n, 2), metres; None when not all are known.
+    unposed
+        Why they are not known, None if they are.
     described
         The frames' descriptions, in order, computed as they are asked for.
     determining
@@ -62,6 +65,7 @@ class Material:
     cells: int
     frames: tuple[Frame, ...]
     positions: NDArray[np.float64] | None
+    unposed: str | None
     described: Iterable[DescribedFrame]
     determining: dict[str, Any]
     about: dict[str, Any]
@@ -98,6 +102,7 @@ def image_material(
         If an image is not fit for use, the camera cannot be resolved or the first image not be described.
     """
     refuse_bad(sequence, cache)
+    unposed = why_unposed(sequence.frames)
     sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
     camera = resolve_camera(sequence, config.imaging, cache)
     described = Describer(camera, descriptor, cache).describe_frames(sequence.frames)
@@ -109,6 +114,7 @@ def image_material(
         cells=len(first.description.orientation),
         frames=sequence.frames,
         positions=sequence.positions,
+        unposed=unposed,
         described=chain([first], described),
         determining={"descriptor": {"name": descriptor.name, **descriptor.settings}, "camera": camera.settings},
         about={
@@ -136,6 +142,7 @@ def archive_material(file: Path) -> Material:
         cells=archive.orientation.shape[1],
         frames=frames,
         positions=positions,
+        unposed=why_unposed(archive.frames),
         described=(
             DescribedFrame(description, _digest(description))
             for description in map(archive.description, range(len(archive.frames)))
@@ -145,11 +152,35 @@ def archive_material(file: Path) -> Material:
     )
 
 
+def why_unposed(frames: Iterable[Frame]) -> str | None:
+    """Say why not all positions of frames are known; None if they are.
+
+    Examples
+    --------
+    >>> why_unposed([Frame(0, "a.png", Path("a.png"), pose=Pose(math.nan, 1.0, 0.0))])
+    '1 of 1 images have a pose that is not finite'
+    """
+    poses = [frame.pose for frame in frames]
+    known = [pose for pose in poses if pose is not None]
+    finite = [pose for pose in known if math.isfinite(pose.x) and math.isfinite(pose.y)]
+    if not known and poses:
+        return "the sequence has no poses"
+    counts = {
+        "no pose": len(poses) - len(known),
+        "a pose that is not finite": len(known) - len(finite),
+        "a pose too far away to be metres": sum(not _is_metres(pose) for pose in finite),
+    }
+    lacking = [f"{count} of {len(poses)} images have {what}" for what, count in counts.items() if count]
+    return "; ".join(lacking) or None
+
+
 def _within_a_building(frame: Frame) -> Frame:
     """Return a frame without a pose that cannot be metres: distances over such mean nothing, or overflow."""
-    if frame.pose is None or (abs(frame.pose.x) <= FARTHEST_M and abs(frame.pose.y) <= FARTHEST_M):
-        return frame
-    return dataclasses.replace(frame, pose=None)
+    return frame if frame.pose is None or _is_metres(frame.pose) else dataclasses.replace(frame, pose=None)
+
+
+def _is_metres(pose: Pose) -> bool:
+    return abs(pose.x) <= FARTHEST_M and abs(pose.y) <= FARTHEST_M
 
 
 def _digest(description: Description) -> str:

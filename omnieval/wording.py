@@ -8,6 +8,7 @@ import unicodedata
 from collections.abc import Iterable
 
 _LONGEST_NAME = 100
+_LEFT_OUT = "..."
 
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -59,13 +60,18 @@ def did_you_mean(word: str, options: Iterable[str], *, otherwise: str | None = N
 def safe_name(text: str) -> str:
     """Return `text` as a plain file name: letters of any script, digits, ``_``, ``.`` and ``-``.
 
+    Of a name that is too long the middle is left out: its end tells more, such as the descriptor of a run.
+
     Examples
     --------
     >>> safe_name("my house: seq 1")
     'my-house-seq-1'
     """
     normal = unicodedata.normalize("NFC", text)
-    name = re.sub(r"[^\w.-]+", "-", normal).strip("-.")[:_LONGEST_NAME]
+    name = re.sub(r"[^\w.-]+", "-", normal).strip("-.")
+    if len(name) > _LONGEST_NAME:
+        kept = _LONGEST_NAME - len(_LEFT_OUT)
+        name = name[: kept - kept // 2] + _LEFT_OUT + name[-(kept // 2) :]
     return name or "sequence"
 
 

@@ -41,3 +41,11 @@ def panoramas(tmp_path_factory):
                 [f"image{number}.png", f"{x:.6f}", f"{y:.6f}", f"{yaw:.6f}", f"R{place}", f"{number / 5:.1f}"]
             )
     return folder
+
+
+@pytest.fixture(scope="session")
+def few_clusters():
+    """Lets reports cluster into no more than 8: that of a small replay spends most of its time on the others."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("omnieval.report.replays.KS", range(2, 9))
+        yield

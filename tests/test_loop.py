@@ -1,6 +1,8 @@
 """The replay as a whole: tables that say what was decided, deterministic, causal, the same with or without a view."""
 
+import dataclasses
 import json
+import math
 
 import cv2
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 import omnieval
 from omnieval.datasets import load
+from omnieval.datasets.sequence import Pose
 from omnieval.descriptors.hog import Hog
 from omnieval.errors import ConfigError, DatasetError, ResultError
 from omnieval.loop import describe_archive, map_archive, replay
@@ -16,7 +19,7 @@ from omnieval.recording.records import RecordingOptions
 from omnieval.render import render
 from omnieval.results.run_folder import open_run
 from omnieval.results.schemas import DECISIONS, NODES, STEPS, TRANSITIONS
-from tests.test_testing import Slices
+from tests.testing.test_mapper import Slices
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
 
@@ -80,6 +83,20 @@ def test_every_verdict_follows_from_the_numbers_beside_it(run):
         assert row["margin"] >= 0
 
 
+@pytest.mark.parametrize("merge_y", [0.5, 1000.0])
+def test_a_new_node_merges_if_the_ratio_beside_it_is_small_enough(panoramas, tmp_path, merge_y):
+    config = omnieval.configure(CONFIG | {"merge_y": merge_y})
+    rows = list(replay(panoramas, config=config, out=tmp_path / "run").steps.iter_rows(named=True))
+    compared = [row for row in rows if row["merge_ratio"] is not None]
+    assert compared
+    for row in compared:
+        kinds = [event["kind"] for event in row["event"]]
+        assert "created" in kinds
+        assert ("merged" in kinds) == (row["merge_ratio"] <= merge_y)
+    founding = next(row for row in rows if row["event"])
+    assert founding["merge_ratio"] is None  # there was no other node
+
+
 def test_a_second_replay_decides_the_same_and_reads_no_image(run, panoramas, tmp_path, monkeypatch):
     def refuse(_):
         raise AssertionError("an image was read although its description is cached")
@@ -121,6 +138,22 @@ def test_without_poses_position_metrics_are_null_with_a_reason(panoramas, tmp_pa
     assert run.recording.exists()
 
 
+def test_the_reason_tells_missing_poses_from_such_as_cannot_be_used(panoramas, tmp_path):
+    frames = list(load(panoramas).frames)
+    for number, x in ((3, math.nan), (5, math.inf), (7, 1e9)):
+        frames[number] = dataclasses.replace(frames[number], pose=Pose(x, 0.0, 0.0))
+    frames[9] = dataclasses.replace(frames[9], pose=None)
+    sequence = dataclasses.replace(load(panoramas), frames=tuple(frames))
+    run = replay(sequence, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    assert run.metrics["silhouette"] is None
+    assert run.manifest["null_reasons"]["silhouette"] == (
+        "1 of 80 images have no pose; 2 of 80 images have a pose that is not finite; "
+        "1 of 80 images have a pose too far away to be metres"
+    )
+    with pytest.raises(DatasetError, match=r"1 of 80 images have no pose; .*; method positions needs"):
+        omnieval.baseline(sequence, method="positions", out=tmp_path / "baseline")
+
+
 def test_the_mapper_alone_on_an_archive_decides_the_same(run, panoramas, tmp_path):
     archive = tmp_path / "three.npz"
     describe_archive(load(panoramas), archive)
@@ -135,7 +168,7 @@ def test_the_mapper_alone_on_an_archive_decides_the_same(run, panoramas, tmp_pat
 
 def test_a_mapper_of_ones_own_is_replayed_recorded_and_rebuilt(run, panoramas, tmp_path):
     own = replay(panoramas, mapper=Slices(), out=tmp_path / "own", recording=RecordingOptions())
-    assert own.manifest["mapper"] == "tests.test_testing.Slices"
+    assert own.manifest["mapper"] == "tests.testing.test_mapper.Slices"
     assert own.steps["node_final"].to_list() == [frame // 25 + 1 for frame in range(80)]
     assert own.metrics["nodes"] == len(own.nodes) == 4
     assert own.manifest["identity"] != run.manifest["identity"]

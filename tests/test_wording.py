@@ -30,6 +30,14 @@ def test_a_safe_name_stays_readable(text, name):
     assert safe_name(text) == name
 
 
+def test_of_a_long_name_the_middle_is_left_out():
+    name = safe_name(f"{'seq' * 50}-hog")
+    assert len(name) == 100
+    assert name.startswith("seqseq")
+    assert name.endswith("seq-hog")
+    assert safe_name("a" * 100) == "a" * 100
+
+
 def test_a_hint_names_the_nearest_or_all():
     assert did_you_mean("Nihgt", ["cloudy", "night"]) == "did you mean night?"
     assert did_you_mean("zzz", ["cloudy", "night"]) == "known are cloudy, night"

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict, Unpack
@@ -17,7 +17,7 @@ from omnieval.ablation.grid import Span, make_axis, parse_span
 from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, failed_row
 from omnieval.ablation.plan import Plan, make_plan
 from omnieval.ablation.pool import workers
-from omnieval.ablation.store import KIND, Store, rows_table
+from omnieval.ablation.store import BEST, KIND, Store, rows_table
 from omnieval.ablation.tree import grow, plant
 from omnieval.config import Setting
 from omnieval.datasets import Sequence as ImageSequence
@@ -35,8 +35,6 @@ from omnieval.results.run_folder import free_folder
 Progress = Callable[[int, int], None]
 Source = str | Path | ImageSequence
 RUNS = Path("runs")
-_DESCRIPTORS = "descriptors"
-BEST = "best"
 
 
 class JobFailedError(OmnievalError):
@@ -139,7 +137,8 @@ def run_plan(
     out
         Folder to write; default ``runs/ablation[-<n>]``.
     resume
-        Go on with the ablation in `out`: rows that are there are kept, failed jobs are run again.
+        Go on with the ablation in `out`: rows that are there are kept, failed jobs are run again. If none was started
+        there, it is started.
     overwrite
         Replace an earlier ablation in `out`.
     csv
@@ -169,20 +168,46 @@ def run_plan(
         for sequence in {job.sequence.source: job.sequence for job in plan.jobs}.values():
             refuse_bad(sequence, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
-    guard = guard_of(plan, keep_steps=keep_steps)
-    if resume:
-        store.check(guard)
     work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
-    if not resume:
-        manifest = store.create(guard, overwrite=overwrite)
-        with manifest.closing():
-            return _finish(work, work.describe(manifest), manifest, csv=csv, record_best=record_best)
-    described = work.describe(None)
-    prints = {"dataset_fingerprints": fingerprints(described)}
-    store.check(prints)
-    manifest = store.resume(guard | prints)
-    with manifest.closing():
+    begun = _resumed(work) if resume and store.exists() else _created(work, overwrite=overwrite)
+    with begun as (manifest, described):
         return _finish(work, described, manifest, csv=csv, record_best=record_best)
+
+
+_Begun = Iterator[tuple[Manifest, dict[str, Described]]]
+"""An ablation under way; when the block ends, its folder is closed and let go."""
+
+
+@contextmanager
+def _created(work: _Work, *, overwrite: bool) -> _Begun:
+    manifest = work.store.create(work.guard, overwrite=overwrite)
+    with manifest.closing(), _dropping_descriptors(work.store):
+        described = work.describe()
+        manifest.update(fingerprints(described))
+        yield manifest, described
+
+
+@contextmanager
+def _resumed(work: _Work) -> _Begun:
+    work.store.check(work.guard)
+    try:
+        described = work.describe()
+        prints = fingerprints(described)
+        work.store.check(prints)  # before ``run.json`` is written: if the images are others, it stays as it is
+    except BaseException:
+        work.store.drop_descriptors()
+        raise
+    manifest = work.store.resume(work.guard | prints)
+    with manifest.closing(), _dropping_descriptors(work.store):
+        yield manifest, described
+
+
+@contextmanager
+def _dropping_descriptors(store: Store) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        store.drop_descriptors()
 
 
 def check_options(
@@ -210,9 +235,9 @@ def guard_of(plan: Plan, *, keep_steps: bool) -> dict[str, Any]:
     return plain
 
 
-def fingerprints(described: Mapping[str, Described]) -> dict[str, str]:
-    """Return the fingerprint of each sequence by its source."""
-    return {json.loads(key)["source"]: one.fingerprint for key, one in described.items()}
+def fingerprints(described: Mapping[str, Described]) -> dict[str, dict[str, str]]:
+    """Return, as the entry of ``run.json``, the fingerprint of each sequence by its source."""
+    return {"dataset_fingerprints": {json.loads(key)["source"]: one.fingerprint for key, one in described.items()}}
 
 
 def dataset_key(job: Job) -> str:
@@ -235,7 +260,12 @@ class _Work:
     fail_fast: bool
     progress: Progress | None
 
-    def describe(self, manifest: Manifest | None) -> dict[str, Described]:
+    @property
+    def guard(self) -> dict[str, Any]:
+        """What an ablation that is resumed must have in common."""
+        return guard_of(self.plan, keep_steps=self.keep_steps)
+
+    def describe(self) -> dict[str, Described]:
         """Describe every sequence once for each way to describe it that the grid has."""
         needed = {dataset_key(job): job for job in self.plan.jobs}
         frames = sum(len(job.sequence) for job in needed.values())
@@ -243,14 +273,12 @@ class _Work:
         done = 0
         with DescriptorCache() as cache:
             for number, (key, job) in enumerate(needed.items()):
-                folder = self.store.make(f"{_DESCRIPTORS}/{number}")
+                folder = self.store.descriptors(number)
                 material = image_material(job.sequence, job.config, job.config.make_descriptor(), cache)
                 described[key] = describe(material, folder)
                 done += len(job.sequence)
                 if self.progress:
                     self.progress(done, frames)
-        if manifest:
-            manifest.update({"dataset_fingerprints": fingerprints(described)})
         return described
 
     def run(self, pool: Executor, described: Mapping[str, Described]) -> None:
@@ -322,7 +350,6 @@ def _finish(
         job = work.plan.jobs[best]
         out = ablation.folder / BEST
         replay(job.sequence, config=job.config, out=out, overwrite=True, recording=RecordingOptions())
-    shutil.rmtree(ablation.folder / _DESCRIPTORS)
     manifest.update(
         {
             "jobs": len(table),

@@ -6,11 +6,13 @@ steps/00012.parquet  its decision trace, if asked for
 ablation.parquet     all rows in the order of the grid, when all jobs have ended
 ablation.csv         the same, if asked for
 best/                the run folder of the best run, if asked for
+descriptors/         of all images, while it runs
 """
 
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,10 @@ import polars as pl
 from omnieval.errors import ResultError
 from omnieval.results.atomic import replacing, write_json, write_table
 from omnieval.results.compare import differing
+from omnieval.results.inside import report_inside, results_inside
 from omnieval.results.manifest import MANIFEST, Manifest, read_manifest, refuse_running
+from omnieval.results.run_folder import FILES
+from omnieval.results.run_folder import KIND as RUN
 from omnieval.results.schemas import ABLATION
 
 KIND = "ablation"
@@ -28,6 +33,8 @@ TABLE = "ablation.parquet"
 CSV = "ablation.csv"
 _PARTS = "parts"
 _STEPS = "steps"
+_DESCRIPTORS = "descriptors"
+BEST = "best"
 
 
 class Store:
@@ -43,14 +50,16 @@ class Store:
         self.folder = folder
 
     def create(self, content: dict[str, Any], *, overwrite: bool) -> Manifest:
-        """Begin a new ablation; of an earlier one all that it wrote itself is removed.
+        """Begin a new ablation; of an earlier one all is removed that it, or the report on it, wrote.
 
         Raises
         ------
         ResultError
             If the folder holds something already (of another kind, if `overwrite`) or cannot be written.
         """
-        files = [TABLE, CSV, f"{_PARTS}/*.json", f"{_STEPS}/*.parquet"]
+        own = (TABLE, CSV, f"{_PARTS}/*.json", f"{_STEPS}/*.parquet", f"{_DESCRIPTORS}/*/*.npy")
+        best = results_inside(self.folder, BEST, RUN, (*FILES, *report_inside(self.folder / BEST)))
+        files = (*own, *best, *report_inside(self.folder))
         manifest = Manifest(self.folder, KIND, content, files=files, overwrite=overwrite)
         self.make(_PARTS)
         return manifest
@@ -78,7 +87,10 @@ class Store:
 
     def exists(self) -> bool:
         """Whether the folder holds a folder of results."""
-        return (self.folder / MANIFEST).exists()
+        try:
+            return (self.folder / MANIFEST).exists()
+        except OSError:  # such as a name that is too long
+            return False
 
     def add(self, job: int, rows: Sequence[dict[str, Any]]) -> None:
         """Keep the rows of a job; they are on disk when this returns."""
@@ -97,6 +109,14 @@ class Store:
         """Where the decision trace of a job is kept."""
         self.make(_STEPS)
         return self.folder / _STEPS / f"{job:05d}.parquet"
+
+    def descriptors(self, number: int) -> Path:
+        """Create a folder for descriptors and return it."""
+        return self.make(f"{_DESCRIPTORS}/{number}")
+
+    def drop_descriptors(self) -> None:
+        """Remove all descriptors: they are large, and come from the cache when the ablation is resumed."""
+        shutil.rmtree(self.folder / _DESCRIPTORS, ignore_errors=True)
 
     def write(self, table: pl.DataFrame, *, csv: bool) -> None:
         """Write the final table."""

@@ -34,12 +34,15 @@ class Images:
         True capture positions, shape (n, 2), metres; None when they are not known.
     rooms
         Room labels, length n, None where there is none.
+    unposed
+        Why the positions are not known; None if they are, or for want of any pose.
     """
 
     source: str
     descriptors: NDArray[np.float32]
     positions: NDArray[np.float64] | None
     rooms: tuple[str | None, ...]
+    unposed: str | None = None
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,8 @@ def _need_river(images: Images) -> None:
 
 def _need_positions(images: Images) -> NDArray[np.float64]:
     if images.positions is None:
-        raise DatasetError(f"{images.source} has no poses; method positions needs the position of every image")
+        reason = images.unposed or "the sequence has no poses"
+        raise DatasetError(f"{images.source}: {reason}; method positions needs the position of every image")
     return images.positions
 
 

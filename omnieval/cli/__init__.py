@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
 
 import typer
 from typer.exceptions import TyperException
+from typer.main import get_command
 
 from omnieval.cli import (
     ablate,
@@ -81,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # What is wrong with an image is said by omnieval, once.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:
-        code = app(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)
+        code = _parser()(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)
         if code == INTERRUPTED:  # typer has caught the interrupt itself
             code = _fail("interrupted; what was computed so far is kept", INTERRUPTED)
     except TyperException as error:
@@ -99,6 +102,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
             raise
         code = _fail(f"unexpected {type(error).__name__}: {error}; run again with --debug and report it", 1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+@cache
+def _parser() -> Callable[..., Any]:
+    """Return what reads a command line and runs it; made once, because that takes longer than many a command runs."""
+    return get_command(app)
 
 
 def _fail(message: str, code: int) -> int:

@@ -67,12 +67,13 @@ def baseline(
 
       omnieval baseline mine.npz --method positions --k 5,10,20 --json
     """
-    from omnieval.benchmark import run_baseline
+    from omnieval.benchmark import check_options, run_baseline
     from omnieval.cli.console import print_json, progress
 
     resolved = options.configuration(set_, config, None, descriptor)
-    material = _material(source, descriptor, start, stride, limit)
     ks = None if k is None else parse_ks(k)
+    check_options(method=method, similarity=similarity, ks=ks, at_k_of=at_k_of)
+    material = _material(source, descriptor, start, stride, limit)
     with progress(method) as report:
         run = run_baseline(
             material,

@@ -53,8 +53,10 @@ def check(
       omnieval check --reference mine.toml --junit check.xml
     """
     selection = _selection(set_, config, preset, descriptor, start, stride, limit)
+    if junit:
+        _check_junit(junit, update=update)
     if update:
-        _update(reference, targets or [], selection, junit, json=json)
+        _update(reference, targets or [], selection, json=json)
     else:
         _check(reference, targets or [], selection, junit, json=json)
 
@@ -84,16 +86,22 @@ def _check(reference: Path, targets: list[str], selection: Selection | None, jun
         raise RegressionError(summary(reports, reference))
 
 
-def _update(
-    reference: Path, targets: list[str], selection: Selection | None, junit: Path | None, *, json: bool
-) -> None:
-    from omnieval.cli.console import print_json, progress
+def _check_junit(junit: Path, *, update: bool) -> None:
+    """Refuse a file that could not be written, before the replays that it is to tell of."""
     from omnieval.errors import ConfigError
+
+    if update:
+        raise ConfigError("--update judges nothing that --junit could hold; leave one of them out")
+    if junit.is_dir() or not junit.parent.is_dir():
+        reason = "it is a folder" if junit.is_dir() else f"there is no folder {junit.parent}"
+        raise ConfigError(f"cannot write --junit {junit}: {reason}; choose another file")
+
+
+def _update(reference: Path, targets: list[str], selection: Selection | None, *, json: bool) -> None:
+    from omnieval.cli.console import print_json, progress
     from omnieval.regression.update import change_lines
     from omnieval.regression.update import update as update_cases
 
-    if junit:
-        raise ConfigError("--update judges nothing that --junit could hold; leave one of them out")
     with progress("replaying") as report_progress:
         changes = update_cases(reference, targets, selection=selection, progress=report_progress)
     if json:

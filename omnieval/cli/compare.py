@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -43,9 +44,11 @@ def compare(
 ) -> None:
     """Show runs in one table: the parameters in which they differ, and their metrics.
 
+    Folders that hold something else, such as an ablation, are left out; a note on stderr names them.
+
     Examples:
 
-      omnieval compare runs/*-hog
+      omnieval compare runs/*
 
       omnieval compare runs/a runs/b --format md --columns gamma,silhouette
     """
@@ -54,7 +57,7 @@ def compare(
     from omnieval.results.run_folder import open_run
 
     chosen = [name.strip() for name in columns.split(",") if name.strip()] if columns is not None else None
-    table = table_of([open_run(run) for run in runs], chosen)
+    table = table_of([open_run(run) for run in _replays(runs)], chosen)
     if json or format_ is TableFormat.JSON:
         print_json({"schema_version": 1, "runs": table.to_dicts()})
     elif format_ is TableFormat.MARKDOWN:
@@ -64,6 +67,33 @@ def compare(
     else:
         lines = _latex(table) if format_ is TableFormat.LATEX else _columns(table)
         print("\n".join(lines))
+
+
+def _replays(folders: list[Path]) -> list[Path]:
+    """Return the folders without those that hold something else, which are named; all if there is nothing else."""
+    from omnieval.cli.console import note
+    from omnieval.wording import shown
+
+    others = {folder: what for folder in folders if (what := _something_else(folder))}
+    if len(others) == len(set(folders)):
+        return folders
+    if others:
+        named = ", ".join(f"{shown(str(folder))} ({what})" for folder, what in others.items())
+        note(f"only replays are compared; left out: {named}")
+    return [folder for folder in folders if folder not in others]
+
+
+def _something_else(folder: Path) -> str | None:
+    """Return in a word what a folder holds instead of a replay, sound or not; None if there is no such folder."""
+    from omnieval.results.manifest import MANIFEST, kind_of
+    from omnieval.results.run_folder import KIND
+
+    kind = kind_of(folder)
+    if kind is not None:
+        return None if kind == KIND else kind
+    with suppress(OSError):  # such as a name that is too long
+        return "no results" if folder.is_dir() and not (folder / MANIFEST).exists() else None
+    return None
 
 
 def _columns(table: pl.DataFrame) -> Iterator[str]:

@@ -36,9 +36,10 @@ def describe(
     """
     from omnieval.cli.console import note, print_fields, print_json, progress
     from omnieval.imaging.soundness import in_words, without_bad
-    from omnieval.loop import describe_archive
+    from omnieval.loop import claim_file, describe_archive
 
     resolved = options.configuration(set_, config, None, descriptor)
+    claim_file(out, overwrite=overwrite)
     whole = options.sequence(source, start, stride, limit)
     sequence, left_out = without_bad(whole) if skip_bad else (whole, ())
     with progress("describing") as report:

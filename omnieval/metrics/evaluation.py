@@ -46,6 +46,7 @@ def evaluate(
     *,
     rooms: Sequence[str | None] | None,
     seed: int,
+    unposed: str | None = None,
 ) -> Evaluation:
     """Judge a partition of a sequence.
 
@@ -63,12 +64,16 @@ def evaluate(
         Room of each image, None where it has no label, length n; None when the sequence has no labels.
     seed
         Root seed of the k-means control.
+    unposed
+        Why the positions are not known; default: that the sequence has no poses.
     """
     nodes = len(np.unique(labels[labels > 0]))
     parts = (
         Evaluation({"nodes": nodes}, {}),
         _shares(labels, placements),
-        _silhouettes(labels, positions, nodes, seed),
+        _silhouettes(labels, positions, nodes, seed)
+        if positions is not None
+        else _null((*_SILHOUETTES, *_CONTROLS), unposed or "the sequence has no poses"),
         _agreement(labels, rooms),
     )
     metrics: dict[str, float | int | None] = {}
@@ -87,12 +92,9 @@ def _shares(labels: NDArray[np.int64], placements: Sequence[Placement] | None) -
     return Evaluation({name: counted[placement] / len(labels) for name, placement in _SHARES.items()}, {})
 
 
-def _silhouettes(labels: NDArray[np.int64], positions: NDArray[np.float64] | None, nodes: int, seed: int) -> Evaluation:
-    names = (*_SILHOUETTES, *_CONTROLS)
-    if positions is None:
-        return _null(names, "the sequence has no poses")
+def _silhouettes(labels: NDArray[np.int64], positions: NDArray[np.float64], nodes: int, seed: int) -> Evaluation:
     if nodes < 2:
-        return _null(names, f"a silhouette needs at least two nodes, the map has {nodes}")
+        return _null((*_SILHOUETTES, *_CONTROLS), f"a silhouette needs at least two nodes, the map has {nodes}")
     placed = labels > 0
     metrics: dict[str, float | int | None] = dataclasses.asdict(silhouettes(positions[placed], labels[placed]))
     metrics["silhouette_time_slices"] = silhouettes(positions, time_slices(len(labels), nodes)).silhouette

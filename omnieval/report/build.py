@@ -97,7 +97,7 @@ def _sweep_section(sweep: Sweep, order: Order) -> Section:
     facts = {
         "folder": str(sweep.folder),
         "status": sweep.status,
-        "runs": f"{len(sweep.table)}, {failed} failed" if failed else str(len(sweep.table)),
+        "pieces" if sweep.exact else "runs": f"{len(sweep.table)}{f', {failed} failed' if failed else ''}",
         **axes,
         "other parameters": _parameter_words(
             {name: value for name, value in sweep.fixed.items() if name in _OF_MAPPER}

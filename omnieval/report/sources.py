@@ -10,9 +10,8 @@ from typing import Any
 
 import polars as pl
 
-from omnieval.ablation.run import BEST
+from omnieval.ablation.store import BEST, TABLE, Store, rows_table
 from omnieval.ablation.store import KIND as ABLATION
-from omnieval.ablation.store import TABLE, Store, rows_table
 from omnieval.config import Config, Setting, parameters, resolve
 from omnieval.errors import ResultError
 from omnieval.material import ARCHIVE_SCHEME

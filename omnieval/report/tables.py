@@ -15,6 +15,10 @@ from omnieval.report.sources import GROUP, Baseline, Replay, Sources, Sweep, bes
 from omnieval.report.wording import value_text
 
 _PICKED = "The best run of a sweep is picked with the ground truth; the median says what to expect without it."
+_PICKED_PIECE = "The best piece of an interval is picked with the ground truth."
+_PIECES = (
+    "A piece is an interval of values at which the map is the same. The medians count each once, however wide it is."
+)
 _GARBLED = "y and Ω of Freiburg with gist are hard to read in the printed text."
 _SUMMARY = {
     "silhouette": "silhouette",
@@ -104,10 +108,10 @@ def best_table(sweep: Sweep) -> Table:
             *others,
             "median silhouette",
             "median nodes",
-            "runs",
+            "pieces" if sweep.exact else "runs",
         ),
         (("This sweep", tuple(rows)), (theirs_heading(sources), theirs)),
-        (_PICKED, _relation(sources), _GARBLED),
+        (*((_PICKED_PIECE, _PIECES) if sweep.exact else (_PICKED,)), _relation(sources), _GARBLED),
     )
 
 

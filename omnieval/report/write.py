@@ -9,8 +9,6 @@ run.json            what the report is about, and which files it wrote
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -24,14 +22,8 @@ from omnieval.report.figure import Content, Figure, Skipped
 from omnieval.report.page import Drawn, page
 from omnieval.report.sources import open_sources
 from omnieval.results.atomic import replacing
+from omnieval.results.inside import FIGURES, PAGE, REPORT, report_files
 from omnieval.results.manifest import MANIFEST, Manifest, read_manifest
-
-KIND = "report"
-PAGE = "index.html"
-FIGURES = "figures"
-FOLDER = "report"
-"""Where a report goes, inside the first of its paths."""
-_OWN = re.compile(rf"{re.escape(PAGE)}|{FIGURES}/\d{{2,}}-[\w-]+\.(svg|png|csv)")
 
 
 @dataclass(frozen=True)
@@ -88,14 +80,13 @@ def write_report(
     """
     given = list(paths)
     sources = open_sources(given)
-    folder = out or given[0] / FOLDER
+    folder = out or given[0] / REPORT
     _refuse(folder, overwrite=overwrite)
     content = build(sources, order or Order())
     files = _files(content)
     about: dict[str, Any] = {"paths": [str(path) for path in given], "files": list(files)}
     about["versions"] = {name: version(name) for name in ("omnieval", "altair", "vl-convert-python")}
-    earlier = _earlier(folder)
-    manifest = Manifest(folder, KIND, about, files=earlier, overwrite=overwrite)
+    manifest = Manifest(folder, REPORT, about, files=report_files(folder), overwrite=overwrite)
     with manifest.closing():
         _write(folder, files)
     return Report(folder, content, tuple(files))
@@ -127,18 +118,13 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
 
 def _refuse(folder: Path, *, overwrite: bool) -> None:
     """Say so at once, and not after minutes, if the folder cannot be taken."""
-    if (folder / MANIFEST).exists():
-        read_manifest(folder, KIND)
-        if not overwrite:
-            raise ResultError(f"{folder} holds a {KIND} already; choose another --out or pass --overwrite")
-    elif folder.is_dir() and any(folder.iterdir()):
-        raise ResultError(f"{folder} holds files that are not a {KIND} of omnieval; choose another --out")
-
-
-def _earlier(folder: Path) -> list[str]:
-    """Return the files that an earlier report in the folder says it wrote, as far as they can be a report's."""
     try:
-        files = json.loads((folder / MANIFEST).read_text("utf-8"))["files"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return []
-    return [name for name in files if isinstance(name, str) and _OWN.fullmatch(name)] if isinstance(files, list) else []
+        written, occupied = (folder / MANIFEST).exists(), folder.is_dir() and any(folder.iterdir())
+    except OSError as error:
+        raise ResultError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
+    if written:
+        read_manifest(folder, REPORT)
+        if not overwrite:
+            raise ResultError(f"{folder} holds a {REPORT} already; choose another --out or pass --overwrite")
+    elif occupied:
+        raise ResultError(f"{folder} holds files that are not a {REPORT} of omnieval; choose another --out")

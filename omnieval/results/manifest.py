@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
@@ -169,6 +169,16 @@ def read_manifest(folder: Path, kind: str) -> dict[str, Any]:
     return dict(content)
 
 
+def kind_of(folder: Path) -> str | None:
+    """Return what a folder of results says it holds, in a word; None if it says no such thing."""
+    try:
+        content = json.loads((folder / MANIFEST).read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    kind = content.get("kind") if isinstance(content, dict) else None
+    return kind if isinstance(kind, str) and kind else None
+
+
 def status_of(content: dict[str, Any]) -> str:
     """Return the status that a manifest of `read_manifest` gives; a process that is dead does not run."""
     status: str = content["status"]
@@ -225,7 +235,7 @@ def _clear(folder: Path, kind: str, files: Iterable[str], *, overwrite: bool, ho
 
 
 def _remove(folder: Path, files: Iterable[str]) -> None:
-    """Remove files of our own, and what killed processes left half-written."""
+    """Remove files of our own, the folders that become empty by it, and what killed processes left half-written."""
     try:
         ours = [path for pattern in files for path in folder.glob(pattern)]
         left = [path for pattern in (".*.tmp", "*/.*.tmp") for path in folder.glob(pattern) if is_temporary(path)]
@@ -233,6 +243,10 @@ def _remove(folder: Path, files: Iterable[str]) -> None:
             path.unlink(missing_ok=True)
     except OSError as error:
         raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
+    within = {parent for path in ours for parent in path.parents if folder in parent.parents}
+    for parent in sorted(within, key=lambda parent: len(parent.parts), reverse=True):
+        with suppress(OSError):  # somebody else has something in it
+            parent.rmdir()
 
 
 def _refuse_running(folder: Path, content: dict[str, Any], hold: Hold) -> None:

@@ -13,6 +13,7 @@ import polars as pl
 
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
+from omnieval.results.inside import report_inside
 from omnieval.results.manifest import Manifest
 from omnieval.results.schemas import PARTITIONS
 
@@ -30,7 +31,8 @@ class PartitionWriter:
     manifest
         What is known at the start.
     overwrite
-        Whether an earlier baseline in `folder` may be replaced. Only files that a baseline writes are replaced.
+        Whether an earlier baseline in `folder` may be replaced. Only files that a baseline, or the report in it,
+        wrote are removed.
 
     Raises
     ------
@@ -41,7 +43,7 @@ class PartitionWriter:
     def __init__(self, folder: Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
         self.folder = folder
         self.table = PARTITIONS.to_frame()
-        self._manifest = Manifest(folder, KIND, manifest, files=[TABLE], overwrite=overwrite)
+        self._manifest = Manifest(folder, KIND, manifest, files=[TABLE, *report_inside(folder)], overwrite=overwrite)
 
     def row(self, row: dict[str, Any]) -> None:
         """Add a row of the columns `schemas.PARTITIONS`; the table on disk has it from then on."""

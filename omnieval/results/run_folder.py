@@ -26,6 +26,7 @@ import polars as pl
 from omnieval.errors import ResultError
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash, folder_hash
+from omnieval.results.inside import report_inside
 from omnieval.results.interrupts import interrupts_wait
 from omnieval.results.manifest import Manifest, read_manifest, status_of
 from omnieval.results.schemas import STEPS
@@ -40,6 +41,8 @@ _PARTS = "parts"
 _PART = "steps-*.parquet"
 _PART_ROWS = 250
 _PART_SECONDS = 2.0
+FILES = (RECORDING, _PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}")
+"""All that a run writes besides ``run.json``."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,8 @@ class RunWriter:
     manifest
         What is known at the start.
     overwrite
-        Whether an earlier run in `folder` may be replaced. Only files that a run writes are removed.
+        Whether an earlier run in `folder` may be replaced. Only files that a run, or the report in it, wrote are
+        removed.
 
     Raises
     ------
@@ -135,7 +139,7 @@ class RunWriter:
 
     def __init__(self, folder: Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
         self.folder = folder
-        files = [RECORDING, _PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}"]
+        files = (*FILES, *report_inside(folder))
         self._manifest = Manifest(folder, KIND, manifest, files=files, overwrite=overwrite)
         self._rows: list[dict[str, Any]] = []
         self._written: list[pl.DataFrame] = []

@@ -10,7 +10,7 @@ from omnieval.config import parameters
 from omnieval.mapping.step import EventKind, Placement, Verdict
 from omnieval.metrics.evaluation import METRICS
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def _schema(columns: dict[str, pl.DataType | type[pl.DataType]]) -> pl.Schema:
@@ -57,6 +57,7 @@ STEPS = _schema(
         "peaks": pl.Int32,
         "centroid_shift": pl.Float64,
         "centroid_bound": pl.Float64,
+        "merge_ratio": pl.Float64,
         "run": pl.Int32,
         "event": pl.List(EVENT),
         "active": pl.Int32,

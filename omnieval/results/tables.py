@@ -65,6 +65,7 @@ def step_row(step: Step, frame: Frame, milliseconds: float) -> dict[str, Any]:
     if step.centroid:
         row["centroid_shift"] = step.centroid.shift
         row["centroid_bound"] = step.centroid.bound
+    row["merge_ratio"] = min((min(one.values) for one in step.comparisons if one.gate == "merge"), default=None)
     return row
 
 

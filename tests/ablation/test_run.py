@@ -16,6 +16,7 @@ from omnieval.metrics.evaluation import METRICS
 from omnieval.results.manifest import read_manifest
 from omnieval.results.run_folder import open_run
 from omnieval.results.schemas import ABLATION, DECISIONS
+from tests.results.test_inside import report
 
 BASE = {"n_init": 10, "n_new": 10, "gamma": 1.0}
 AXES = {"omega": "0.5:3.5:3", "merge_y": [0.5, 20, 1000]}
@@ -110,6 +111,7 @@ def test_an_interrupted_ablation_resumes_to_the_same_table(ablation, panoramas, 
     with pytest.raises(KeyboardInterrupt):
         run_plan(plan_of(panoramas), out=out, progress=stop_after(2))
     assert read_manifest(out, "ablation")["status"] == "interrupted"
+    assert sorted(path.name for path in out.iterdir()) == ["parts", "run.json"]
     states = [state for _, state in job_states(plan_of(panoramas), out, keep_steps=False)]
     kept = states.count("done")
     assert 2 <= kept < 6
@@ -168,17 +170,42 @@ def test_another_dataset_is_refused_by_name(small, panoramas):
     with pytest.raises(ResultError, match=r"dataset_fingerprints\.folder:.* was \"other\""):
         run_plan(plan_of(panoramas, ["omega=2.5,3.5"]), out=small, resume=True)
     assert json.loads(manifest.read_text()) == content
+    assert not (small / "descriptors").exists()
 
 
-def test_nothing_is_replaced_unasked(small, panoramas, tmp_path):
+def test_what_was_never_started_is_started_by_resuming(panoramas, tmp_path):
+    plan = plan_of(panoramas, ["omega=2.5"])
+    (tmp_path / "empty").mkdir()
+    for out in (tmp_path / "none", tmp_path / "empty"):
+        assert len(run_plan(plan, out=out, resume=True).table) == 1
+        assert read_manifest(out, "ablation")["status"] == "complete"
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    with pytest.raises(ResultError, match="not an ablation of omnieval"):
+        run_plan(plan, out=tmp_path / "mine", resume=True)
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
+
+
+def test_nothing_is_replaced_unasked(small, panoramas):
     plan = plan_of(panoramas, ["omega=2.5"])
     with pytest.raises(ResultError, match="--overwrite"):
         run_plan(plan, out=small)
     assert len(run_plan(plan, out=small, overwrite=True).table) == 1
     assert [path.name for path in (small / "parts").iterdir()] == ["00000.json"]
-    with pytest.raises(ResultError, match="not an ablation folder"):
-        run_plan(plan, out=tmp_path / "none", resume=True)
     with pytest.raises(ConfigError, match="--resume"):
         run_plan(plan, resume=True)
     with pytest.raises(ConfigError, match="--jobs"):
         run_plan(plan, jobs=0)
+
+
+def test_an_ablation_written_anew_has_no_best_run_or_report_of_before(small, panoramas):
+    plan = plan_of(panoramas, ["omega=2.5"])
+    run_plan(plan, out=small, overwrite=True, record_best=True, keep_steps=True, csv=True)
+    for folder in (small, small / "best"):
+        report(folder / "report")
+    (small / "best" / "notes.txt").write_text("mine")
+    (small / "descriptors" / "0").mkdir(parents=True)
+    (small / "descriptors" / "0" / "position.npy").write_bytes(b"of a killed one")
+    run_plan(plan, out=small, overwrite=True)
+    left = sorted(path.relative_to(small).as_posix() for path in small.rglob("*") if path.is_file())
+    assert left == ["ablation.parquet", "best/notes.txt", "parts/00000.json", "run.json"]

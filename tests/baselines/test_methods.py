@@ -79,7 +79,7 @@ def test_without_river_dbstream_says_how_to_get_it(monkeypatch):
 
 def test_methods_say_what_they_lack():
     bare = Images("bare", np.eye(4, dtype=np.float32), None, (None,) * 4)
-    with pytest.raises(DatasetError, match="bare has no poses"):
+    with pytest.raises(DatasetError, match="bare: the sequence has no poses"):
         METHODS["positions"].check(bare)
     with pytest.raises(DatasetError, match="bare has no room labels"):
         METHODS["rooms"].check(bare)

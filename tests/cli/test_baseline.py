@@ -5,6 +5,7 @@ import json
 import pytest
 
 from omnieval.cli.baseline import parse_ks
+from omnieval.results.schemas import SCHEMA_VERSION
 from tests.cli.test_cli import SMALL, fails, in_process
 
 
@@ -29,7 +30,7 @@ def test_a_folder_of_its_own_for_each_and_an_aligned_table(panoramas, tmp_path):
 def test_json_is_one_object_with_all_rows(panoramas, tmp_path):
     result = in_process("baseline", panoramas, "--k", "2:4", "--similarity", "knn", "--json", cwd=tmp_path)
     content = json.loads(result.stdout)
-    assert (content["schema_version"], content["status"]) == (1, "complete")
+    assert (content["schema_version"], content["status"]) == (SCHEMA_VERSION, "complete")
     assert content["baseline"] == {"method": "spectral", "similarity": "knn", "ks": [2, 3, 4], "at_k_of": None}
     assert [row["k"] for row in content["rows"]] == [2, 3, 4]
     assert content["rows"][1]["rooms_ari"] == 1.0

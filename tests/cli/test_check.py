@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from omnieval.regression.reference import read_reference
-from tests.cli.test_cli import SMALL, fails, in_process, omnieval
+from tests.cli.test_cli import SMALL, fails, in_process
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_a_better_value_passes(cwd):
 
 
 def test_no_reference_is_never_a_pass(tmp_path):
-    result = omnieval("check", "--reference", "none.toml", cwd=tmp_path)
+    result = in_process("check", "--reference", "none.toml", cwd=tmp_path)
     fails(result, 4, "there is no reference none.toml", "--update")
     fails(in_process("check", "--reference", "none.toml", "--update", cwd=tmp_path), 4, "there is no reference")
     assert in_process("check", cwd=tmp_path).returncode == 2

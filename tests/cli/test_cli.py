@@ -16,6 +16,7 @@ import pytest
 from omnieval.cli import main
 from omnieval.config import parameters
 from omnieval.results.run_folder import open_run
+from omnieval.results.schemas import SCHEMA_VERSION
 
 SMALL = ("--set", "n_init=10", "--set", "n_new=10", "--set", "gamma=1", "--set", "omega=3.5", "--set", "merge_y=0.5")
 
@@ -69,10 +70,10 @@ def test_replay_writes_the_run_folder_and_says_what_it_came_to(replayed):
 
 
 def test_json_is_one_object_with_the_manifest(panoramas, tmp_path):
-    result = omnieval("replay", panoramas, *SMALL, "--no-rrd", "--json", "--limit", "40", cwd=tmp_path)
+    result = in_process("replay", panoramas, *SMALL, "--no-rrd", "--json", "--limit", "40", cwd=tmp_path)
     content = json.loads(result.stdout)
     assert content["status"] == "complete"
-    assert content["schema_version"] == 1
+    assert content["schema_version"] == SCHEMA_VERSION
     assert content["cut"] == {"start": 0, "stride": 1, "limit": 40}
     assert len(open_run(tmp_path / content["run"]).steps) == 40
     assert not (tmp_path / content["run"] / "replay.rrd").exists()
@@ -99,7 +100,7 @@ def test_describe_then_map_decides_what_replay_decides(replayed, panoramas, tmp_
 def test_render_rebuilds_the_recording(replayed):
     cwd, result = replayed
     folder = Path(result.stdout.splitlines()[0])
-    rendered = omnieval("render", folder, "--no-images", cwd=cwd)
+    rendered = in_process("render", folder, "--no-images", cwd=cwd)
     assert rendered.stdout.strip() == str(folder / "replay.rrd")
     assert rendered.returncode == 0
 
@@ -164,8 +165,8 @@ def test_every_slip_gets_one_line_and_its_exit_code(arguments, code, words, pano
 
 
 def test_debug_shows_the_traceback(tmp_path):
-    result = omnieval("replay", "cold:nowhere", "--debug", cwd=tmp_path)
-    assert result.returncode != 0
+    result = omnieval("compare", "nowhere", "--debug", cwd=tmp_path)
+    assert result.returncode == 1
     assert "Traceback" in result.stderr
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from omnieval.cli.compare import _latex
 from omnieval.results.run_folder import open_run
+from omnieval.results.schemas import SCHEMA_VERSION
 from tests.cli.test_cli import fails, in_process
 
 
@@ -85,3 +86,21 @@ def test_a_single_run_makes_a_table_too(two_runs):
 )
 def test_every_slip_gets_one_line_and_exit_code_2(two_runs, arguments, words):
     fails(in_process("compare", *arguments, cwd=two_runs), 2, *words)
+
+
+def other_results(folder, kind):
+    folder.mkdir()
+    (folder / "run.json").write_text(json.dumps({"schema_version": SCHEMA_VERSION, "kind": kind}))
+    return folder
+
+
+def test_other_results_are_left_out_and_named(two_runs, tmp_path):
+    others = [other_results(tmp_path / f"an-{kind}", kind) for kind in ("ablation", "baseline")]
+    result = in_process("compare", others[0], "a", others[1], tmp_path, "--json", cwd=two_runs)
+    assert result.returncode == 0
+    assert [row["run"] for row in json.loads(result.stdout)["runs"]] == ["a"]
+    (line,) = result.stderr.splitlines()
+    named = f"{others[0]} (ablation), {others[1]} (baseline), {tmp_path} (no results)"
+    assert line == f"omnieval: only replays are compared; left out: {named}"
+    fails(in_process("compare", *others, cwd=two_runs), 2, f"{others[0]} is an ablation, not a replay")
+    fails(in_process("compare", "a", tmp_path / "b", cwd=two_runs), 2, f"{tmp_path / 'b'} is not a run folder")

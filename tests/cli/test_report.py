@@ -7,11 +7,11 @@ import sys
 
 import pytest
 
-from tests.cli.test_cli import SMALL, fails, in_process, omnieval
+from tests.cli.test_cli import SMALL, fails, in_process
 
 
 @pytest.fixture(scope="module")
-def results(panoramas, tmp_path_factory):
+def results(few_clusters, panoramas, tmp_path_factory):
     """A folder with a run, a sweep and a baseline."""
     cwd = tmp_path_factory.mktemp("results")
     for arguments in (
@@ -24,7 +24,7 @@ def results(panoramas, tmp_path_factory):
 
 
 def test_the_page_is_written_and_its_path_printed(results, tmp_path):
-    result = omnieval("report", results / "run", results / "spectral", "--out", "out", cwd=tmp_path)
+    result = in_process("report", results / "run", results / "spectral", "--out", "out", cwd=tmp_path)
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout == "out/index.html\n"
     assert (tmp_path / "out" / "index.html").read_text("utf-8").startswith("<!doctype html>")

@@ -15,7 +15,7 @@ from tests.faults.disk import FAULTS, every_fault
 
 pytestmark = pytest.mark.faults
 
-FRAMES = 40
+FRAMES = 24
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def never_half(folder, result):
 def test_every_operation_of_a_replay_can_fail(
     panoramas, short, tmp_path, monkeypatch, code, lasting, recording, stride, capsys
 ):
-    monkeypatch.setattr("omnieval.results.run_folder._PART_ROWS", 30)
+    monkeypatch.setattr("omnieval.results.run_folder._PART_ROWS", 18)
     arguments = ("replay", panoramas, *REPLAY, "--limit", FRAMES, recording, "--out")
     outcomes: Counter[str] = Counter()
     for disk in every_fault(tmp_path, code, lasting=lasting, stride=stride + lasting):
@@ -59,7 +59,7 @@ def test_every_operation_of_a_replay_can_fail(
             prefix_of(folder, short)
         if state == "complete":
             assert open_run(folder).content_hash == short.content_hash
-            lost = "the recording is incomplete" in result.stderr
+            lost = "the recording may be incomplete" in result.stderr
             assert lost or steps_recorded(folder / "replay.rrd") == FRAMES * (recording != "--no-rrd")
             assert lasting or lost == bool(open_run(folder).manifest.get("recording_failure"))
             state += ", recording lost and said so" if lost else ""
@@ -83,8 +83,7 @@ def test_every_operation_of_an_ablation_can_fail(panoramas, short, tmp_path, cod
         with disk.mounted():
             result = in_process(*arguments, folder, cwd=tmp_path)
         outcomes[never_half(folder, result)] += 1
-        resume = ("--resume",) if begun(folder) else ()
-        resumed = in_process(*arguments, folder, *resume, cwd=tmp_path)
+        resumed = in_process(*arguments, folder, "--resume", cwd=tmp_path)
         assert resumed.returncode == 0, resumed.stderr
         assert content_hash(pl.read_parquet(folder / "ablation.parquet")) == expected
     with capsys.disabled():
@@ -119,7 +118,7 @@ def test_a_disk_too_small_for_the_recording_alone(panoramas, short, tmp_path):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest)),
     )
     assert code == 0
-    assert "the recording is incomplete, the tables are not" in one_line(err)
+    assert "the recording may be incomplete, the tables are not" in one_line(err)
     assert open_run(folder).content_hash == short.content_hash
     assert not (folder / "replay.rrd").exists()
     assert steps_recorded(folder / "replay.partial.rrd") >= 0

@@ -10,13 +10,15 @@ import polars as pl
 import pytest
 
 import omnieval
+from omnieval.datasets.check import check
+from omnieval.datasets.synthetic.building import ROOMS
 from omnieval.loop import replay
 from omnieval.regression.cases import replayed
 from omnieval.regression.reference import read_reference
 from omnieval.regression.trace import first_parting, read_trace, write_trace
 
 REFERENCE = Path(__file__).parents[2] / "runs" / "reference" / "synthetic.toml"
-CASE = "synthetic-cloudy-hog"
+CASE, SOURCE = "synthetic-cloudy-hog", "synthetic:cloudy"
 
 
 def unchanged(trace, steps):
@@ -42,6 +44,14 @@ def test_the_building_is_decided_as_ever():
     with replayed(case.source, case.cut, case.config()) as run:
         assert len(trace) == len(run.steps)
         unchanged(trace, run.steps)
+
+
+@pytest.mark.slow
+def test_the_building_passes_the_check():
+    """It stands here because rendering the whole building takes longer than looking at it twice."""
+    report = check(SOURCE)
+    assert report.findings == ()
+    assert set(report.rooms) == {room.code for room in ROOMS}
 
 
 @pytest.fixture(scope="module")

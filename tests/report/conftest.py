@@ -12,6 +12,11 @@ def replay_of(source, out, **changes):
     return omnieval.replay(source, config=omnieval.configure(SMALL | changes), out=out, recording=None)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _few_clusters(few_clusters):
+    """Small replays have small reports."""
+
+
 @pytest.fixture(scope="session")
 def run(panoramas, tmp_path_factory):
     """The folder of a complete replay."""

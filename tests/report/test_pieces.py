@@ -47,6 +47,8 @@ def test_table_2_says_which_values_the_best_holds_for(exact):
     best = exact.sweeps[0].table.sort("silhouette", descending=True, nulls_last=True, maintain_order=True)
     row = best.row(0, named=True)
     assert table.groups[0][1][0][4] == f"{row['exact_from']:g} to {row['exact_to']:g}"
+    assert (table.columns[-1], table.groups[0][1][0][-1]) == ("pieces", len(exact.sweeps[0].table))
+    assert not any("run" in note for note in table.notes[:2])
     skipped = [block for section in content.sections for block in section.blocks if isinstance(block, Skipped)]
     assert ["makes no single runs" in block.reason for block in skipped] == [True]
 

@@ -12,9 +12,10 @@ import pytest
 
 import omnieval
 from omnieval.errors import ConfigError, ResultError
-from omnieval.report.build import Order
+from omnieval.report.build import Order, build
 from omnieval.report.draw import svg_of
 from omnieval.report.figure import Figure
+from omnieval.report.sources import open_sources
 from omnieval.report.write import write_report
 from tests.report.conftest import SMALL, replay_of
 
@@ -165,12 +166,12 @@ def test_a_report_lies_in_its_first_path_and_leaves_the_run_alone(run, tmp_path)
         write_report([run])
 
 
-def test_overwriting_removes_only_what_a_report_wrote(run, sweep, baseline, tmp_path):
+def test_overwriting_removes_only_what_a_report_wrote(sweep, baseline, tmp_path):
     out = tmp_path / "report"
-    large = write_report([run, sweep, baseline], out=out)
+    large = write_report([sweep, baseline], out=out)
     (out / "figures" / "mine.png").write_bytes(b"mine")
     (out / "notes.txt").write_text("mine")
-    small = write_report([run, baseline], out=out, overwrite=True)
+    small = write_report([baseline], out=out, overwrite=True)
     assert len(small.files) < len(large.files)
     left = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     assert set(small.files) | {"run.json", "figures/mine.png", "notes.txt"} == {
@@ -222,10 +223,10 @@ def test_a_step_without_curve_is_left_out_with_a_sentence(run, baseline, tmp_pat
     assert "no node was a candidate" in report.page.read_text("utf-8")
 
 
-def test_progress_is_told_replay_by_replay(run, sweep, baseline, tmp_path):
+def test_progress_is_told_replay_by_replay(run, sweep, baseline):
     told = []
     order = Order(progress=lambda done, total: told.append((done, total)))
-    write_report([run, sweep, baseline], order, out=tmp_path / "out")
+    build(open_sources([run, sweep, baseline]), order)
     assert told == [(1, 2), (2, 2)]
 
 

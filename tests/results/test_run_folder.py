@@ -103,14 +103,14 @@ def test_the_next_free_name_is_numbered(tmp_path):
     ("content", "message"),
     [
         (None, "not a run folder: it has no run.json"),
-        ('{"schema_version": 1, "kind": "baseline"}', "a baseline, not a replay"),
+        ('{"schema_version": 2, "kind": "baseline"}', "a baseline, not a replay"),
         ("{", "cannot read"),
         ('{"schema_version": 99}', "schema version 99"),
         ("[]", "None"),
-        ('{"schema_version": 1}', "nothing we know, not a replay"),
-        ('{"schema_version": 1, "kind": 7}', "nothing we know, not a replay"),
+        ('{"schema_version": 2}', "nothing we know, not a replay"),
+        ('{"schema_version": 2, "kind": 7}', "nothing we know, not a replay"),
         (
-            '{"schema_version": 1, "kind": "replay", "status": 1}',
+            '{"schema_version": 2, "kind": "replay", "status": 1}',
             "damaged: it has no status, process, started, metrics",
         ),
     ],
@@ -198,7 +198,7 @@ def test_an_overwritten_run_leaves_no_steps_of_its_own(tmp_path, monkeypatch):
     del killed
     RunWriter(tmp_path / "run", {}, overwrite=True)
     assert open_run(tmp_path / "run").steps.is_empty()
-    assert sorted(path.name for path in (tmp_path / "run").rglob("*")) == ["parts", "run.json"]
+    assert sorted(path.name for path in (tmp_path / "run").rglob("*")) == ["run.json"]
 
 
 def test_a_run_that_cannot_say_how_it_ended_lets_others_write(tmp_path, monkeypatch):

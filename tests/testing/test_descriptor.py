@@ -1,0 +1,157 @@
+"""The contract of descriptors: ours and a third party's pass, and every way to break it is called by its name."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from omnieval.descriptors.description import Description
+from omnieval.descriptors.gist import Gist, GistConfig
+from omnieval.descriptors.hog import Hog, HogConfig
+from omnieval.errors import ConfigError
+from omnieval.testing import check_descriptor
+
+
+class Brightness:
+    """A third party's descriptor: mean grey level of every row, and of every eighth column."""
+
+    name = "brightness"
+
+    def __init__(self):
+        self.settings = {"stride": 8}
+
+    def describe(self, panorama):
+        position = panorama.mean(axis=1).astype(np.float32)
+        return Description(position, panorama.mean(axis=0)[::8, np.newaxis].astype(np.float32))
+
+
+def brightness(**changes):
+    """A `Brightness` whose describe is followed by a change of its arrays."""
+
+    class Changed(Brightness):
+        def describe(self, panorama):
+            description = super().describe(panorama)
+            replaced = {field: change(getattr(description, field)) for field, change in changes.items()}
+            return dataclasses.replace(description, **replaced)
+
+    return Changed()
+
+
+class Paints(Brightness):
+    def describe(self, panorama):
+        panorama[0] = 0
+        return super().describe(panorama)
+
+
+class Remembers(Brightness):
+    seen = 0
+
+    def describe(self, panorama):
+        self.seen += 1
+        description = super().describe(panorama)
+        return Description(description.position + np.float32(self.seen), description.orientation)
+
+
+class Recycles(Brightness):
+    buffer = np.empty(128, np.float32)
+
+    def describe(self, panorama):
+        self.buffer[:] = super().describe(panorama).position
+        return Description(self.buffer, super().describe(panorama).orientation)
+
+
+class Learns(Brightness):
+    def describe(self, panorama):
+        self.settings = {"stride": 8, "seen": True}
+        return super().describe(panorama)
+
+
+class DividesByContrast(Brightness):
+    def describe(self, panorama):
+        description = super().describe(panorama)
+        with np.errstate(invalid="ignore"):
+            return Description(description.position / np.float32(panorama.std()), description.orientation)
+
+
+class LooksAtTheFirstColumns(Brightness):
+    def describe(self, panorama):
+        return Description(super().describe(panorama[:, :64]).position, super().describe(panorama).orientation)
+
+
+class RunsBackwards(Brightness):
+    def describe(self, panorama):
+        return Description(super().describe(panorama).position, super().describe(panorama[:, ::-1]).orientation)
+
+
+class ReturnsATuple(Brightness):
+    def describe(self, panorama):
+        description = super().describe(panorama)
+        return description.position, description.orientation
+
+
+def with_attributes(**attributes):
+    descriptor = Brightness()
+    for name, value in attributes.items():
+        setattr(descriptor, name, value)
+    return descriptor
+
+
+@pytest.mark.parametrize(
+    "descriptor",
+    [
+        Hog(),
+        Hog(HogConfig(kernel="sobel", binning="linear", normalisation="global-l2", orientation_cells=64)),
+        Gist(),
+        Gist(GistConfig(prefilter="local-contrast", normalisation="global-l2", orientation_width=32, padding=32)),
+        Brightness(),
+    ],
+    ids=lambda descriptor: descriptor.name,
+)
+def test_a_sound_descriptor_passes(descriptor):
+    check_descriptor(descriptor)
+
+
+def test_panoramas_of_ones_own_can_be_given():
+    panoramas = np.random.default_rng(0).integers(0, 256, (2, 32, 64)).astype(np.uint8)
+    check_descriptor(Brightness(), panoramas)
+    with pytest.raises(ConfigError, match="at least two panoramas, got 1"):
+        check_descriptor(Brightness(), panoramas[:1])
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (with_attributes(name="two words"), "name must be a plain word, got 'two words'"),
+        (with_attributes(settings={"weights": np.ones(2)}), "settings must be plain values that JSON can hold"),
+        (with_attributes(settings={"scale": math.nan}), "settings must be plain values that JSON can hold"),
+        (with_attributes(settings=["stride"]), "settings must be a dict, got list"),
+        (ReturnsATuple(), "describe must return a Description"),
+        (brightness(position=np.float64), "position descriptor of panorama 0 must be float32, got float64"),
+        (brightness(orientation=np.ravel), r"must have 2 dimension\(s\), got shape \(64,\)"),
+        (brightness(position=lambda array: array / np.float32(0)), "position descriptor of panorama 0 has NaN"),
+        (DividesByContrast(), "constant grey level 0 has NaN or infinite"),
+        (brightness(position=lambda array: array[array > array.mean()]), "has shape .*, that of others"),
+        (brightness(orientation=lambda array: array[:60]), "number of cells that divides 512 columns, got 60"),
+        (Paints(), "describe must not change the panorama, but changed panorama 0"),
+        (Remembers(), "equal panoramas must give equal arrays"),
+        (Recycles(), "must not be written again by a later call"),
+        (Learns(), "name and settings must stay as they are"),
+        (brightness(position=np.zeros_like), "different panoramas must differ, but all have the same position"),
+        (brightness(orientation=np.ones_like), "different panoramas must differ, but all have the same orientation"),
+        (LooksAtTheFirstColumns(), r"rolled by 1 cell\(s\) must keep the position descriptor"),
+        (RunsBackwards(), "must roll the orientation descriptor by 1, but it changed by"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:divide by zero:RuntimeWarning")
+def test_a_broken_descriptor_is_told_what_is_wrong(broken, message):
+    with pytest.raises(AssertionError, match=message) as raised:
+        check_descriptor(broken)
+    assert "\n" not in str(raised.value)
+
+
+def test_how_much_a_rotation_may_change_is_the_callers_to_say():
+    coarse = Gist(GistConfig(levels=3))  # a cell is 2 columns, half a pixel of its coarsest level
+    with pytest.raises(AssertionError, match="must keep the position descriptor"):
+        check_descriptor(coarse)
+    check_descriptor(coarse, tolerance=0.01)
