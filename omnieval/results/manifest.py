@@ -139,8 +139,8 @@ class Manifest:
         write_json(self.content, self._path)
 
 
-def read_manifest(folder: Path, kind: str) -> dict[str, Any]:
-    """Return the manifest of a folder.
+def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> dict[str, Any]:
+    """Return the manifest of a folder, of a schema not older than `oldest`.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def read_manifest(folder: Path, kind: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise ResultError(f"cannot read {path}: {error}; run it again") from error
     found = content.get("schema_version") if isinstance(content, dict) else None
-    if found != SCHEMA_VERSION:
+    if type(found) is not int or not oldest <= found <= SCHEMA_VERSION:
         raise ResultError(
             f"{path} has schema version {found}, this omnieval reads {SCHEMA_VERSION}; "
             "run it again or use the version that wrote it"
@@ -224,7 +224,7 @@ def _clear(folder: Path, kind: str, files: Iterable[str], *, overwrite: bool, ho
         return
     if not (folder / MANIFEST).exists():
         raise ResultError(f"{folder} holds files that are not {_a(kind)} of omnieval; choose another --out")
-    earlier = read_manifest(folder, kind)
+    earlier = read_manifest(folder, kind, oldest=1)  # to be replaced it need not be understood whole
     _refuse_running(folder, earlier, hold)
     if not overwrite:
         raise ResultError(f"{folder} holds {_a(kind)} already; choose another --out or pass --overwrite")

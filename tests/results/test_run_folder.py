@@ -13,7 +13,7 @@ from omnieval.datasets.sequence import Frame, Pose
 from omnieval.errors import ResultError
 from omnieval.mapping.step import EventKind, NodeEvent, Step, Verdict
 from omnieval.results.run_folder import RunWriter, free_folder, open_run
-from omnieval.results.schemas import STEPS
+from omnieval.results.schemas import SCHEMA_VERSION, STEPS
 from omnieval.results.tables import step_from_row, step_row
 
 
@@ -82,6 +82,18 @@ def test_overwriting_removes_only_what_a_run_wrote(tmp_path):
     (tmp_path / "run" / "notes.txt").write_text("mine")
     RunWriter(tmp_path / "run", {"source": "second"}, overwrite=True)
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["notes.txt", "run.json"]
+
+
+def test_a_run_of_an_earlier_version_can_be_overwritten_though_not_read(tmp_path):
+    RunWriter(tmp_path / "run", {"source": "first"}).complete({}, {})
+    file = tmp_path / "run" / "run.json"
+    file.write_text(file.read_text().replace(f'"schema_version": {SCHEMA_VERSION}', '"schema_version": 1'))
+    with pytest.raises(ResultError, match="schema version 1"):
+        open_run(tmp_path / "run")
+    with pytest.raises(ResultError, match="holds a replay already"):
+        RunWriter(tmp_path / "run", {})
+    RunWriter(tmp_path / "run", {"source": "second"}, overwrite=True).complete({}, {})
+    assert open_run(tmp_path / "run").manifest["source"] == "second"
 
 
 def test_a_folder_that_is_no_run_is_never_touched(tmp_path):
