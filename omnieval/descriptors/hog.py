@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import cv2
@@ -87,32 +88,38 @@ class Hog:
                 f"cells {config.orientation_width} columns wide do not fit a panorama of {columns}; lower "
                 "hog.orientation_width"
             )
-        by_row, by_column = self._histograms(panorama)
-        position = by_row.reshape(config.position_cells, -1, config.bins).sum(axis=1)
-        orientation = _windows(by_column, columns // config.orientation_cells, config.orientation_width)
+        stride = columns // config.orientation_cells
+        strip = math.gcd(stride, config.orientation_width)
+        by_band, by_strip = self._histograms(panorama, strip)
+        orientation = _windows(by_strip, stride // strip, config.orientation_width // strip)
         return Description(
-            _normalise(position, config.normalisation).ravel().astype(np.float32),
+            _normalise(by_band, config.normalisation).ravel().astype(np.float32),
             _normalise(orientation, config.normalisation).astype(np.float32),
         )
 
-    def _histograms(self, panorama: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the histogram of every row and of every column, shapes (rows, bins) and (columns, bins)."""
+    def _histograms(self, panorama: NDArray[np.uint8], strip: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the histograms of every band of rows and of every strip of columns.
+
+        Shapes (bands, bins) and (columns / strip, bins). What both are sums of is counted once.
+        """
         rows, columns = panorama.shape
-        bins = self.config.bins
+        bands, bins = self.config.position_cells, self.config.bins
         gradient = _gradients(panorama, self.config.kernel, self._reach).ravel()
-        by_row = np.zeros((rows, bins))
-        by_column = np.zeros((columns, bins))
+        places = _places(rows, columns, bands, strip, bins)
+        shape = bands, columns // strip, bins
+        together = np.zeros(shape)
         for bin_of, weight_of in zip(self._votes.bins, self._votes.weights, strict=True):
-            voted, weights = bin_of.take(gradient).reshape(rows, columns), weight_of.take(gradient)
-            by_row += _voted(voted + bins * np.arange(rows)[:, np.newaxis], weights, by_row.shape)
-            by_column += _voted(voted + bins * np.arange(columns), weights, by_column.shape)
-        return by_row, by_column
+            votes = np.bincount(places + bin_of.take(gradient), weight_of.take(gradient), together.size)
+            together += votes.reshape(shape)
+        return np.einsum("rcb->rb", together), together.sum(axis=0)
 
 
-def _voted(places: NDArray[np.intp], weights: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return histograms of a shape that every pixel votes for at its place."""
-    votes = np.bincount(places.ravel(), weights, shape[0] * shape[1])
-    return votes.astype(np.float64, copy=False).reshape(shape)
+@lru_cache(maxsize=4)
+def _places(rows: int, columns: int, bands: int, strip: int, bins: int) -> NDArray[np.intp]:
+    """Return where the histogram that a pixel votes in begins, for pixels row by row."""
+    band, of_strip = np.arange(rows) // (rows // bands), np.arange(columns) // strip
+    places: NDArray[np.intp] = bins * (band[:, np.newaxis] * (columns // strip) + of_strip)
+    return places.ravel()
 
 
 def _gradients(panorama: NDArray[np.uint8], kernel: Literal["central", "sobel"], reach: int) -> NDArray[np.intp]:
@@ -151,13 +158,11 @@ def _quantised(votes: NDArray[np.float64]) -> NDArray[np.float64]:
     return quantised
 
 
-def _windows(by_column: NDArray[np.float64], stride: int, width: int) -> NDArray[np.float64]:
-    """Sum histograms over circular windows that begin at every `stride`-th column."""
-    columns = len(by_column)
-    wrapped = np.take(by_column, np.arange(columns + width), axis=0, mode="wrap")
-    sums = np.concatenate([np.zeros((1, by_column.shape[1])), np.cumsum(wrapped, axis=0)])
-    starts = np.arange(0, columns, stride)
-    windows: NDArray[np.float64] = sums[starts + width] - sums[starts]
+def _windows(by_strip: NDArray[np.float64], stride: int, width: int) -> NDArray[np.float64]:
+    """Sum histograms over circular windows that begin at every `stride`-th one."""
+    sums = np.cumsum(np.concatenate([np.zeros_like(by_strip[:1]), by_strip, by_strip[:width]]), axis=0)
+    count = len(by_strip) // stride
+    windows: NDArray[np.float64] = sums[width::stride][:count] - sums[::stride][:count]
     return windows
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -34,11 +35,11 @@ def measure() -> list[Figure]:
     panorama = camera.panorama(decode_grey(data[0], "first"), where="first")
 
     def decode() -> None:
-        for one in data:
-            camera.panorama(decode_grey(one, "image"), where="image")
+        with ThreadPoolExecutor(THREADS) as pool:
+            list(pool.map(lambda one: camera.panorama(decode_grey(one, "image"), where="image"), data))
 
     bounds = {
-        "hog": (THREADS * len(data) / seconds_of(decode), "decode + unwrap on as many threads"),
+        "hog": (len(data) / seconds_of(decode), "decode + unwrap on as many threads"),
         "gist": (THREADS / seconds_of(lambda: _transforms(panorama), 9), "its FFTs on as many threads"),
     }
     figures = []
