@@ -22,7 +22,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--only", nargs="+", choices=[*PARTS, "profile"], default=[*PARTS, "profile"], metavar="PART")
+    parser.add_argument("--only", nargs="*", choices=[*PARTS, "profile"], default=[*PARTS, "profile"], metavar="PART")
     parser.add_argument("--growth", nargs="+", type=int, default=[], metavar="N", help="map walks of so many images")
     options = parser.parse_args()
     figures: list[Figure] = []
