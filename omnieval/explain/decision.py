@@ -78,6 +78,7 @@ class Decision:
     active: int
     pending: int
     margin: Margin | None
+    merge_ratio: float | None
 
 
 def decision(step: Step, capture: Capture, match: BestMatch | None, revisit: Revisit | None = None) -> Decision:
@@ -95,6 +96,7 @@ def decision(step: Step, capture: Capture, match: BestMatch | None, revisit: Rev
         active=step.active,
         pending=step.pending,
         margin=step.margin,
+        merge_ratio=step.merge_ratio,
     )
 
 

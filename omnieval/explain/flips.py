@@ -115,21 +115,15 @@ def _centroid(centroid: Centroid) -> Flip:
 
 
 def _merging(decision: Decision, config: MapperConfig) -> Flip | None:
-    """Say what would change whether a new node merges (Eq. 11); the margin bounds the ratios, which are not kept."""
-    kinds = {event.kind for event in decision.events}
-    margin, merge_y = decision.margin, config.merge_y
-    if EventKind.CREATED not in kinds or margin is None or decision.gate is None or not len(decision.gate.nodes):
+    """Say what would change whether a new node merges (Eq. 11)."""
+    ratio, merge_y = decision.merge_ratio, config.merge_y
+    if ratio is None or EventKind.CREATED not in {event.kind for event in decision.events}:
         return None
-    merged = EventKind.MERGED in kinds
-    scale = abs(merge_y) or 1.0
-    # The nearest ratio may lie on either side of y, except when no node has merged: then all lie above it.
-    if margin.gate == "merge" and not merged:
-        needed = merge_y + margin.value * scale
-        text = f"merge_y >= {_up(needed)} would let the new node merge"
-        return Flip("merge", merged, needed, merge_y, "merge_y", needed, text)
-    outcome = "has merged" if merged else "has not merged"
-    text = f"the new node {outcome}; to change that, merge_y would have to change by {margin.value * scale:.2g} or more"
-    return Flip("merge", merged, None, merge_y, "merge_y", None, text)
+    merged = ratio <= merge_y
+    words = (
+        f"< {_down(ratio)} would keep the new node apart" if merged else f">= {_up(ratio)} would let the new node merge"
+    )
+    return Flip("merge", merged, ratio, merge_y, "merge_y", ratio, f"merge_y {words}")
 
 
 def _down(value: float) -> str:

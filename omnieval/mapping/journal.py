@@ -55,6 +55,10 @@ class Journal:
         low, high = (-np.inf, value) if value >= threshold else (value, np.inf)
         self.comparisons.append(Comparison(gate, (value,), threshold, low, high, parameter, reaches=True))
 
+    def first(self, gate: str) -> float | None:
+        """Return the smallest of the values that a gate was asked about first; None if it was not asked."""
+        return next((min(one.values) for one in self.comparisons if one.gate == gate), None)
+
     def compare_best(self, match: Match, sizes: Sequence[int]) -> None:
         """Note how much more similar the best image is than the best one of any other candidate node.
 

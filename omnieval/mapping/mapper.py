@@ -338,6 +338,7 @@ class Mapper:
             active=len(self._active.ids),
             pending=len(self._nodes) - len(self._active.ids),
             margin=smallest_margin(journal.comparisons, self.config),
+            merge_ratio=journal.first("merge"),
             comparisons=tuple(journal.comparisons),
         )
 

@@ -242,6 +242,9 @@ class Step:
         Number of active and pending nodes after the step.
     margin
         The step's margin; None when nothing was compared.
+    merge_ratio
+        |Delta - mu_ns| / sigma_ns of a new node's representative in the nearest active node (Eq. 11), held against y;
+        None where no node was held against others.
     comparisons
         What was compared on the way to the decision, in order; empty when it is not known.
     """
@@ -257,6 +260,7 @@ class Step:
     active: int
     pending: int
     margin: Margin | None
+    merge_ratio: float | None = None
     comparisons: tuple[Comparison, ...] = ()
 
 

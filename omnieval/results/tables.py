@@ -65,7 +65,7 @@ def step_row(step: Step, frame: Frame, milliseconds: float) -> dict[str, Any]:
     if step.centroid:
         row["centroid_shift"] = step.centroid.shift
         row["centroid_bound"] = step.centroid.bound
-    row["merge_ratio"] = min((min(one.values) for one in step.comparisons if one.gate == "merge"), default=None)
+    row["merge_ratio"] = step.merge_ratio
     return row
 
 
@@ -109,6 +109,7 @@ def step_from_row(row: dict[str, Any]) -> Step:
         active=row["active"],
         pending=row["pending"],
         margin=margin,
+        merge_ratio=row["merge_ratio"],
     )
 
 

@@ -11,7 +11,7 @@ from omnieval.explain.decision import BestMatch, decision, shift_degrees
 from omnieval.explain.flips import flips
 from omnieval.explain.run import RunExplainer
 from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.step import Centroid, EventKind, Margin, NodeEvent, NodeGate, Step, Verdict
+from omnieval.mapping.step import Centroid, EventKind, NodeEvent, NodeGate, Step, Verdict
 
 CONFIG = MapperConfig(gamma=5.0, omega=2.0, merge_y=1.5)
 MATCH = BestMatch(Capture(3, "b.png"), 1, 0.4, 2, 2.8, 0.1, 0.2, 0.02, 0.02, 0.004, 4.92, 5)
@@ -82,23 +82,25 @@ def test_the_centroid_has_no_parameter_and_is_silent_where_it_was_not_compared()
     assert "1 % above" in flip.text
 
 
-def created(*events, margin):
-    events = (NodeEvent(EventKind.CREATED, 12, frames=tuple(range(31, 41))), *events)
-    return flips(decided(Verdict.NO_CANDIDATE, match=None, events=events, margin=margin), CONFIG)
+def created(merge_ratio):
+    events = (NodeEvent(EventKind.CREATED, 12, frames=tuple(range(31, 41))),)
+    return flips(decided(Verdict.NO_CANDIDATE, match=None, events=events, merge_ratio=merge_ratio), CONFIG)
 
 
-def test_a_node_that_did_not_merge_needs_the_y_that_the_margin_gives():
-    flip = only(created(margin=Margin(0.1, "merge")), "merge")
-    assert (flip.passed, flip.parameter) == (False, "merge_y")
-    assert flip.needed == pytest.approx(1.65)
+def test_a_node_that_did_not_merge_needs_the_y_of_its_ratio():
+    flip = only(created(1.6543), "merge")
+    assert (flip.passed, flip.parameter, flip.needed, flip.threshold) == (False, "merge_y", 1.6543, 1.5)
+    assert flip.text == "merge_y >= 1.655 would let the new node merge"
 
 
-@pytest.mark.parametrize("merged", [True, False])
-def test_where_the_margin_is_another_gates_only_a_bound_is_claimed(merged):
-    events = (NodeEvent(EventKind.MERGED, 12, into=3),) if merged else ()
-    flip = only(created(*events, margin=Margin(0.02, "node")), "merge")
-    assert (flip.passed, flip.needed) == (merged, None)
-    assert "0.03 or more" in flip.text
+def test_a_node_that_merged_stays_apart_below_its_ratio():
+    flip = only(created(1.2349), "merge")
+    assert (flip.passed, flip.needed) == (True, 1.2349)
+    assert flip.text == "merge_y < 1.234 would keep the new node apart"
+
+
+def test_a_node_that_was_held_against_no_other_is_not_spoken_of():
+    assert [flip.gate for flip in created(None)] == ["node"]
 
 
 def test_an_initial_image_was_compared_with_nothing():
