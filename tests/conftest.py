@@ -1,6 +1,7 @@
 """What all tests share: a cache of their own, and a small sequence with places that are visited again."""
 
 import csv
+import signal
 
 import cv2
 import numpy as np
@@ -9,6 +10,11 @@ from scipy.ndimage import gaussian_filter
 
 VISITS = (0, 1, 2, 1, 0)
 DWELL = 16
+
+
+def pytest_configure():
+    """Hear Ctrl-C, which some tests send: what a shell starts in the background is made deaf to it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
