@@ -47,7 +47,7 @@ def is_overwritten(data: bytes) -> bool:
     """Tell whether the coded pixels cannot be what an encoder wrote.
 
     Finds 512 bytes of foreign data nearly always, of zeros where the Huffman tables leave no doubt, and single bytes
-    seldom. A sound file is never taken for an overwritten one.
+    seldom. What is looked for is nothing that an encoder writes, so that a sound file is not taken for a damaged one.
     """
     position, behind_pixels = len(START), False
     restarting = sequential = False

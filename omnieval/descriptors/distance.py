@@ -16,7 +16,7 @@ from omnieval.descriptors.description import Description
 from omnieval.descriptors.tiles import TILE, TOGETHER, Group, Tile
 
 _WORTH_A_THREAD = 8
-"""Tiles."""
+"""Tiles that a thread is given at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ class DescriptionStore:
             fill(tiles)
         else:
             with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(fill, [tiles[first::threads] for first in range(threads)]))
+                list(pool.map(fill, [tiles[number::threads] for number in range(threads)]))
 
     def _is_next(self, number: int) -> bool:
         return self._count <= number < self._count + self._expected or number in self._anticipated

@@ -243,8 +243,8 @@ class Step:
     margin
         The step's margin; None when nothing was compared.
     merge_ratio
-        |Delta - mu_ns| / sigma_ns of a new node's representative in the nearest active node (Eq. 11), held against y;
-        None where no node was held against others.
+        Ratio of a new node's representative in the nearest active node (Eq. 11), signed or not as `merge_gate` says,
+        which was held against y; with `merge_when` = always that of a grown node too. None where none was compared.
     comparisons
         What was compared on the way to the decision, in order; empty when it is not known.
     """
