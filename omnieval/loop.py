@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,20 +17,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.config import Config, resolve
-from omnieval.datasets import Sequence, load
+from omnieval.components import Component
+from omnieval.config import Config, as_config
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.archive import Archive, save_archive
-from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.describe import DescribedFrame
-from omnieval.descriptors.description import Descriptor
 from omnieval.errors import ConfigError, ResultError
-from omnieval.imaging.soundness import without_bad
-from omnieval.mapping.interface import IncrementalMapper
-from omnieval.mapping.mapper import Mapper
+from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
+from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Step
-from omnieval.material import Material, archive_material, image_material
+from omnieval.material import ARCHIVE, Cut, Material, Source, opened
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.recording.records import RecordingOptions
 from omnieval.results.atomic import replacing
@@ -46,104 +43,108 @@ RUNS = Path("runs")
 
 
 def replay(
-    source: str | Path | Sequence = "synthetic",
+    source: Source = "synthetic",
     *,
-    config: Config | None = None,
-    descriptor: Descriptor | None = None,
-    mapper: IncrementalMapper | None = None,
-    out: Path | None = None,
+    mapper: Any = None,
+    descriptor: Any = None,
+    config: Config | Mapping[str, Any] | None = None,
+    preset: str | None = None,
+    start: int = 0,
+    stride: int = 1,
+    limit: int | None = None,
+    out: str | Path | None = None,
     overwrite: bool = False,
     skip_bad: bool = False,
-    recording: RecordingOptions | None = None,
+    recording: RecordingOptions | bool | None = None,
     progress: Progress | None = None,
+    **parameters: Any,
 ) -> Run:
-    """Replay the mapping method over a sequence and keep the evidence of every decision.
+    """Replay a mapper over a sequence and keep the evidence of every decision.
 
     Parameters
     ----------
     source
         A source as on the command line, or a sequence.
+    mapper, descriptor
+        What maps, and what describes the images: a name, ``package.module:Class``, ``path/file.py:Class``, a class, or
+        an object; default the paper's method and HOG, or what `config` chooses.
     config
-        Parameters; default `recommended`.
-    descriptor
-        A descriptor of one's own; default the one `config` names.
-    mapper
-        A new mapper of one's own (`mapping.interface`), which need not heed the parameters of `config`; default
-        omnieval's.
+        Parameters by name, or a configuration.
+    preset
+        Named parameters of the mapper.
+    start, stride, limit
+        Which frames of the source.
     out
-        Run folder; default ``runs/<sequence>-<descriptor>[-<n>]``.
+        Run folder; default ``runs/<sequence>-<descriptor>[-<mapper>][-<n>]``.
     overwrite
         Replace an earlier run in `out`.
     skip_bad
         Leave out images that are not fit for use (`imaging.soundness`) and list them in ``run.json``, instead of
         refusing the sequence.
     recording
-        How to record for the Rerun viewer; None records nothing.
+        Whether, or how, to record for the Rerun viewer.
     progress
         Called with (frames done, frames in all).
+    **parameters
+        Parameters by name, such as ``omega=1.85``.
 
     Raises
     ------
     ConfigError
-        If the sequence is shorter than the first node.
+        If a parameter is wrong, there is no such component, or the sequence is too short for the mapper.
     DatasetError
         If the sequence cannot be read, or one of its images is not fit for use: before the first step.
     ResultError
         If the run folder cannot be written.
     """
-    config = config or resolve()
-    sequence = source if isinstance(source, Sequence) else load(source)
-    sequence, left_out = without_bad(sequence) if skip_bad else (sequence, None)
-    describing = descriptor or config.make_descriptor()
-    with DescriptorCache() as cache:
-        material = image_material(sequence, config, describing, cache, left_out=left_out)
-        folder = out or free_folder(RUNS, f"{sequence.name}-{describing.name}")
-        return run(material, config, folder, mapper=mapper, overwrite=overwrite, recording=recording, progress=progress)
+    resolved = as_config(config, preset=preset, mapper=mapper, descriptor=descriptor, **parameters)
+    options = RecordingOptions() if recording is True else recording or None
+    with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
+        folder = Path(out) if out is not None else free_folder(RUNS, run_name(material, resolved.mapper))
+        return run(material, resolved, folder, overwrite=overwrite, recording=options, progress=progress)
 
 
-def map_archive(
-    file: Path,
-    *,
-    config: Config | None = None,
-    out: Path | None = None,
-    overwrite: bool = False,
-    recording: RecordingOptions | None = None,
-    progress: Progress | None = None,
-) -> Run:
-    """Run the mapper alone on an archive of descriptors (`descriptors.archive`); see `replay`."""
-    config = config or resolve()
-    material = archive_material(file)
-    folder = out or free_folder(RUNS, f"{material.name}-map")
-    return run(material, config, folder, overwrite=overwrite, recording=recording, progress=progress)
+def run_name(material: Material, mapper: Component) -> str:
+    """Return what the folder of a run is called: the sequence, what describes it, and a mapper that is not the default.
+
+    An archive says no descriptor: ``map`` stands for it.
+    """
+    described = "map" if material.descriptor is ARCHIVE else material.descriptor.name
+    return "-".join([material.name, described, *([] if mapper.is_default else [mapper.name])])
 
 
 def describe_archive(
-    sequence: Sequence,
-    file: Path,
+    source: Source,
+    file: str | Path,
     *,
-    config: Config | None = None,
-    descriptor: Descriptor | None = None,
+    descriptor: Any = None,
+    config: Config | Mapping[str, Any] | None = None,
+    start: int = 0,
+    stride: int = 1,
+    limit: int | None = None,
     overwrite: bool = False,
+    skip_bad: bool = False,
     progress: Progress | None = None,
-) -> Archive:
+    **parameters: Any,
+) -> tuple[Archive, Material]:
     """Describe a sequence and write the archive; see `replay` and `descriptors.archive`."""
-    claim_file(file, overwrite=overwrite)
-    config = config or resolve()
-    describing = descriptor or config.make_descriptor()
-    described = []
-    with DescriptorCache() as cache:
-        for one in image_material(sequence, config, describing, cache).described:
+    path = Path(file).expanduser()
+    claim_file(path, overwrite=overwrite)
+    resolved = as_config(config, descriptor=descriptor, **parameters)
+    with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
+        described = []
+        for one in material.described:
             described.append(one.description)
             if progress:
-                progress(len(described), len(sequence))
-    archive = Archive(
-        sequence.frames,
-        np.stack([description.position for description in described]),
-        np.stack([description.orientation for description in described]),
-    )
-    with replacing(file) as temporary:
+                progress(len(described), len(material.frames))
+        archive = Archive(
+            material.frames,
+            np.stack([description.position for description in described]),
+            np.stack([description.orientation for description in described]),
+        )
+    with replacing(path) as temporary:
         save_archive(temporary, archive.frames, archive.position, archive.orientation)
-    return archive
+    return archive, material
 
 
 def claim_file(file: Path, *, overwrite: bool) -> None:
@@ -169,34 +170,29 @@ def run(
     config: Config,
     folder: Path,
     *,
-    mapper: IncrementalMapper | None = None,
     overwrite: bool = False,
     recording: RecordingOptions | None = None,
     progress: Progress | None = None,
 ) -> Run:
     """Map the material, step by step, into a run folder; see `replay`."""
-    if isinstance(mapper, Mapper):
-        config = config.model_copy(update={"mapper": mapper.config})
-    if mapper is None and len(material.frames) < config.mapper.n_init:
-        raise ConfigError(
-            f"{material.source}: the first node needs n_init = {config.mapper.n_init} images but there are only "
-            f"{len(material.frames)}; lower n_init or give a longer sequence"
-        )
-    method = _method(config, mapper)
+    mapper = made_mapper(config.mapper)
+    if fault := too_short(mapper, len(material.frames)):
+        raise ConfigError(f"{material.source}: {fault}")
+    method = Method.of(mapper, config.mapper.name, config.mapper.settings)
     writer = RunWriter(folder, _manifest(material, config, method), overwrite=overwrite)
-    mapper = mapper or Mapper(config.mapper, ImageMemory(threads=os.cpu_count() or 1))
+    trace = _Trace()
     sink = None
     try:
         if recording:
             from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
 
-            sink = RecordingSink(writer.folder / RECORDING, material, config, recording)
-        return _run(material, config, mapper, method, writer, sink, progress)
+            sink = RecordingSink(writer.folder / RECORDING, material, method, recording)
+        return _run(material, config, mapper, writer, trace, sink, progress)
     except KeyboardInterrupt:
-        writer.abandon("interrupted", "interrupted by the user")
+        writer.abandon("interrupted", "interrupted by the user", trace.fingerprint(material))
         raise
     except Exception as error:
-        writer.abandon("failed", str(error))
+        writer.abandon("failed", str(error), trace.fingerprint(material))
         raise
     finally:
         try:
@@ -204,6 +200,20 @@ def run(
                 sink.close()
         finally:
             writer.release()
+
+
+def made_mapper(component: Component) -> Mapper:
+    """Return a new mapper, which compares images on all processors if it can."""
+    branching = component.given is None and issubclass(component.cls, BranchingMapper)
+    more = {"images": ImageMemory(threads=os.cpu_count() or 1)} if branching else {}
+    mapper: Mapper = component.make(**more)
+    return mapper
+
+
+def too_short(mapper: Any, images: int) -> str | None:
+    """Say why so many images are too few for a mapper, if it says so."""
+    ask: Callable[[int], str | None] = getattr(mapper, "too_short", lambda images: None)
+    return ask(images)
 
 
 @dataclass
@@ -223,21 +233,26 @@ class _Trace:
         if margin and (self.smallest_margin is None or margin.value < float(self.smallest_margin["value"])):
             self.smallest_margin = {"value": margin.value, "frame": step.frame, "gate": margin.gate}
 
+    def fingerprint(self, material: Material) -> str:
+        """Return the fingerprint of the images so far."""
+        return dataset_fingerprint(material.frames[: len(self.digests)], self.digests)
+
 
 def _run(
     material: Material,
     config: Config,
-    mapper: IncrementalMapper,
-    method: dict[str, Any],
+    mapper: Mapper,
     writer: RunWriter,
+    trace: _Trace,
     sink: RecordingSink | None,
     progress: Progress | None,
 ) -> Run:
     started = time.perf_counter()
-    trace = _Trace()
+    partition = Partition()
     for frame, described, step, milliseconds in _steps(mapper, material):
+        partition.apply(step)
         trace.add(described, step, milliseconds)
-        writer.step(step_row(step, frame, milliseconds))
+        writer.step(step_row(step, frame, partition, milliseconds))
         if sink:
             sink.step(step, frame, milliseconds)
         if progress:
@@ -249,7 +264,7 @@ def _run(
         final.placements,
         material.positions,
         rooms=rooms,
-        seed=config.mapper.seed,
+        seed=config.seed,
         unposed=material.unposed,
     )
     seconds = time.perf_counter() - started
@@ -259,7 +274,7 @@ def _run(
         "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
         "transitions": transitions_frame(final),
     }
-    run = writer.complete(tables, _outcome(material, method, trace, evaluation, seconds))
+    run = writer.complete(tables, _outcome(material, config.mapper, trace, evaluation, seconds))
     if sink is None:
         return run
     # Only now, when nothing that happens to the view can touch the record any more.
@@ -268,12 +283,13 @@ def _run(
     return writer.annotate({"recording_failure": sink.failure})
 
 
-def _steps(mapper: IncrementalMapper, material: Material) -> Iterator[tuple[Frame, DescribedFrame, Step, float]]:
+def _steps(mapper: Mapper, material: Material) -> Iterator[tuple[Frame, DescribedFrame, Step, float]]:
     """Yield every frame with its step and the time it took, in milliseconds."""
+    expect = getattr(mapper, "expect", None)
     for block in blocks(zip(material.frames, material.described, strict=True), AHEAD):
         before = time.perf_counter()
-        if isinstance(mapper, Mapper):
-            mapper.expect([described.description for _, described in block])
+        if expect:
+            expect([described.description for _, described in block])
         ahead = (time.perf_counter() - before) / max(1, len(block))
         for frame, described in block:
             before = time.perf_counter()
@@ -281,34 +297,23 @@ def _steps(mapper: IncrementalMapper, material: Material) -> Iterator[tuple[Fram
             yield frame, described, step, 1e3 * (time.perf_counter() - before + ahead)
 
 
-def _method(config: Config, mapper: IncrementalMapper | None) -> dict[str, Any]:
-    """Return what determines the decisions: the parameters, or the name of a mapper that need not heed them."""
-    if mapper is None or isinstance(mapper, Mapper):
-        return config.mapper.model_dump(mode="json")
-    return {"class": f"{type(mapper).__module__}.{type(mapper).__qualname__}"}
-
-
-def _manifest(material: Material, config: Config, method: dict[str, Any]) -> dict[str, Any]:
+def _manifest(material: Material, config: Config, method: Method) -> dict[str, Any]:
     """Return what ``run.json`` says when the run begins."""
     return {
-        "source": material.source,
         **material.about,
-        "frames": len(material.frames),
-        "descriptor": material.descriptor,
-        "orientation_cells": material.cells,
-        "mapper": method.get("class", "omnieval"),
-        "configuration": config.model_dump(mode="json"),
+        "mapper": {**config.mapper.about, **method.about},
+        "imaging": config.imaging.model_dump(mode="json"),
         "versions": versions(),
         "code": code_digest(),
     }
 
 
 def _outcome(
-    material: Material, method: dict[str, Any], trace: _Trace, evaluation: Evaluation, seconds: float
+    material: Material, mapper: Component, trace: _Trace, evaluation: Evaluation, seconds: float
 ) -> dict[str, Any]:
     """Return what ``run.json`` says besides when the run is complete."""
-    fingerprint = dataset_fingerprint(material.frames, trace.digests)
-    determining = {"mapper": method, **material.determining}
+    fingerprint = trace.fingerprint(material)
+    determining = {"mapper": mapper.identity, **material.determining}
     return {
         "dataset_fingerprint": fingerprint,
         "identity": identity(determining, fingerprint),

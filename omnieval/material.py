@@ -1,11 +1,16 @@
-"""What can be replayed: a sequence of images, or descriptors computed elsewhere."""
+"""One way to open what is replayed: a source of any kind, or what a run replayed, exactly as it was.
+
+A sequence of images and an archive of descriptors become the same `Material`. What a run replayed is opened by what its
+``run.json`` says (cut, images left out, camera, descriptor), and held against its fingerprint.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -14,19 +19,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.components import BUILT_IN, Component
 from omnieval.config import Config
+from omnieval.datasets import load
 from omnieval.datasets.scan import FARTHEST_M
 from omnieval.datasets.sequence import Frame, Pose, Sequence
-from omnieval.descriptors.archive import load_archive
+from omnieval.descriptors.archive import Archive, load_archive
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.describe import DescribedFrame, Describer
-from omnieval.descriptors.description import Description, Descriptor
-from omnieval.imaging.camera import resolve_camera
+from omnieval.descriptors.description import Description
+from omnieval.errors import ConfigError, DatasetError, ResultError
+from omnieval.imaging.camera import CameraModel, camera_of, resolve_camera
+from omnieval.imaging.glance import image_size
 from omnieval.imaging.pictures import Pictures
-from omnieval.imaging.soundness import BadImage, refuse_bad
+from omnieval.imaging.soundness import BadImage, refuse_bad, without_bad
+from omnieval.results.provenance import dataset_fingerprint
+from omnieval.results.run_folder import Run
 
 ARCHIVE_SCHEME = "npz:"
 """How the source of an archive begins."""
+
+ARCHIVE = Component("descriptor", "archive", None, {}, "")
+"""Stands for the descriptor of an archive, whose descriptions are part of the fingerprint."""
+
+Source = str | Path | Sequence
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Which frames of a source are used; see `Sequence.cut`."""
+
+    start: int = 0
+    stride: int = 1
+    limit: int | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether it leaves out nothing."""
+        return self == Cut()
 
 
 @dataclass(frozen=True)
@@ -37,22 +67,28 @@ class Material:
     ----------
     name, source
         Of the sequence.
+    cut
+        Which of its frames.
     descriptor
-        Name of the descriptor.
+        What describes them.
     cells
-        Cells of its orientation descriptor.
+        Cells of the orientation descriptor.
     frames
-        Its frames.
+        The frames.
     positions
         True capture positions, shape (n, 2), metres; None when not all are known.
     unposed
         Why they are not known, None if they are.
     described
         The frames' descriptions, in order, computed as they are asked for.
-    determining
-        All settings besides the mapper's that determine the result; part of the run's identity.
-    about
-        What else ``run.json`` says of it.
+    camera
+        What determines a panorama, besides where that is known from; None if there are no images.
+    origin
+        Where what is known of the camera comes from.
+    card
+        Name of the data card, if there is one.
+    skipped
+        Images that were left out because they are not fit for use; None if nobody asked for that.
     pictures
         Where the recording takes its pictures from; None if there are none.
     cache
@@ -61,95 +97,113 @@ class Material:
 
     name: str
     source: str
-    descriptor: str
+    cut: Cut
+    descriptor: Component
     cells: int
     frames: tuple[Frame, ...]
     positions: NDArray[np.float64] | None
     unposed: str | None
     described: Iterable[DescribedFrame]
-    determining: dict[str, Any]
-    about: dict[str, Any]
+    camera: Mapping[str, Any] | None = None
+    origin: str | None = None
+    card: str | None = None
+    skipped: tuple[BadImage, ...] | None = None
     pictures: Pictures | None = None
     cache: DescriptorCache | None = None
 
+    @property
+    def determining(self) -> dict[str, Any]:
+        """All settings besides the mapper's that determine the result; part of the run's identity."""
+        return {"descriptor": self.descriptor.identity, "camera": self.camera}
 
-def image_material(
-    sequence: Sequence,
-    config: Config,
-    descriptor: Descriptor,
-    cache: DescriptorCache,
-    *,
-    left_out: tuple[BadImage, ...] | None = None,
-) -> Material:
-    """Return a sequence of images as material: its camera resolved, its descriptions ready to be computed.
+    @property
+    def about(self) -> dict[str, Any]:
+        """What ``run.json`` says of it."""
+        return {
+            "source": self.source,
+            "sequence": self.name,
+            "card": self.card,
+            "cut": dataclasses.asdict(self.cut),
+            "frames": len(self.frames),
+            "camera": None if self.camera is None else {"origin": self.origin, **self.camera},
+            "descriptor": self.descriptor.about,
+            "orientation_cells": self.cells,
+            **({} if self.skipped is None else {"skipped": [dataclasses.asdict(bad) for bad in self.skipped]}),
+        }
+
+
+@contextmanager
+def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: bool = False) -> Iterator[Material]:
+    """Give the material of a source, its descriptions ready to be computed.
 
     Parameters
     ----------
-    sequence
-        The images.
+    source
+        As on the command line (``npz:FILE`` or ``FILE.npz`` for an archive), or a sequence.
     config
-        What to make of them.
-    descriptor
-        Describes them.
-    cache
-        Where descriptions are looked up and kept.
-    left_out
-        The images that `without_bad` has taken out of the sequence; None if nobody asked for that.
+        What to make of it.
+    cut
+        Which of its frames; None for all.
+    skip_bad
+        Leave out images that are not fit for use (`imaging.soundness`) instead of refusing the sequence.
 
     Raises
     ------
     ConfigError, DatasetError
         If an image is not fit for use, the camera cannot be resolved or the first image not be described.
     """
-    refuse_bad(sequence, cache)
-    unposed = why_unposed(sequence.frames)
-    sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
-    camera = resolve_camera(sequence, config.imaging, cache)
-    described = Describer(camera, descriptor, cache).describe_frames(sequence.frames)
-    first = next(described)
-    return Material(
-        name=sequence.name,
-        source=sequence.source,
-        descriptor=descriptor.name,
-        cells=len(first.description.orientation),
-        frames=sequence.frames,
-        positions=sequence.positions,
-        unposed=unposed,
-        described=chain([first], described),
-        determining={"descriptor": {"name": descriptor.name, **descriptor.settings}, "camera": camera.settings},
-        about={
-            "sequence": sequence.name,
-            "card": sequence.card,
-            "cut": dict(zip(("start", "stride", "limit"), sequence.cut_from, strict=True)),
-            "camera": {"origin": camera.origin, **camera.settings},
-            **({} if left_out is None else {"skipped": [dataclasses.asdict(bad) for bad in left_out]}),
-        },
-        pictures=Pictures(sequence.frames, camera),
-        cache=cache,
-    )
+    cut = cut or Cut()
+    if (file := archive_file(source)) is not None:
+        if config.descriptor.spec != next(iter(BUILT_IN["descriptor"])):
+            raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
+        yield _of_archive(file, cut)
+        return
+    sequence = (source if isinstance(source, Sequence) else load(source)).cut(**dataclasses.asdict(cut))
+    sequence, skipped = without_bad(sequence) if skip_bad else (sequence, None)
+    with DescriptorCache() as cache:
+        yield _of_images(sequence, config, cache, skipped)
 
 
-def archive_material(file: Path) -> Material:
-    """Return an archive of descriptors as material."""
-    archive = load_archive(file)
-    frames = tuple(map(_within_a_building, archive.frames))
-    poses = [frame.pose for frame in frames]
-    positions = None if None in poses else np.array([[pose.x, pose.y] for pose in poses if pose])
-    return Material(
-        name=file.stem,
-        source=f"{ARCHIVE_SCHEME}{file.resolve()}",
-        descriptor="archive",
-        cells=archive.orientation.shape[1],
-        frames=frames,
-        positions=positions,
-        unposed=why_unposed(archive.frames),
-        described=(
-            DescribedFrame(description, _digest(description))
-            for description in map(archive.description, range(len(archive.frames)))
-        ),
-        determining={"descriptor": {"name": "archive"}},
-        about={"sequence": file.stem, "cut": {"start": 0, "stride": 1, "limit": None}},
-    )
+@contextmanager
+def reopened(run: Run) -> Iterator[Material]:
+    """Give what a run replayed, exactly as it was.
+
+    Its descriptions end in an error if they turn out not to be those of the run: what was made of them until then must
+    not be kept.
+
+    Raises
+    ------
+    ConfigError, DatasetError
+        If the source cannot be opened any more.
+    ResultError
+        If it has changed since, or its descriptor cannot be made again.
+    """
+    manifest = run.manifest
+    config = Config.of_run(manifest)
+    cut = Cut(**manifest["cut"])
+    source: str = manifest["source"]
+    if (file := archive_file(source)) is not None:
+        yield _held_against(run, _of_archive(file, cut))
+        return
+    config = dataclasses.replace(config, descriptor=config.descriptor.again())
+    sequence = load(source).cut(**dataclasses.asdict(cut))
+    skipped = None if "skipped" not in manifest else tuple(BadImage(**bad) for bad in manifest["skipped"])
+    left_out = {bad.file for bad in skipped or ()}
+    kept = tuple(frame for frame in sequence.frames if frame.file not in left_out)
+    sequence = dataclasses.replace(sequence, frames=kept, calibration=())
+    with DescriptorCache() as cache:
+        camera = camera_of(manifest["camera"], image_size(sequence, cache))
+        yield _held_against(run, _of_images(sequence, config, cache, skipped, camera))
+
+
+def archive_file(source: Source) -> Path | None:
+    """Return the archive of descriptors that a source names, None if it names a sequence."""
+    if isinstance(source, Sequence):
+        return None
+    text = str(source)
+    if text.startswith(ARCHIVE_SCHEME):
+        return Path(text.removeprefix(ARCHIVE_SCHEME)).expanduser()
+    return Path(text).expanduser() if text.endswith(".npz") else None
 
 
 def why_unposed(frames: Iterable[Frame]) -> str | None:
@@ -157,7 +211,7 @@ def why_unposed(frames: Iterable[Frame]) -> str | None:
 
     Examples
     --------
-    >>> why_unposed([Frame(0, "a.png", Path("a.png"), pose=Pose(math.nan, 1.0, 0.0))])
+    >>> why_unposed([Frame(Path("a.png"), "a.png", pose=Pose(math.nan, 1.0, 0.0))])
     '1 of 1 images have a pose that is not finite'
     """
     poses = [frame.pose for frame in frames]
@@ -172,6 +226,96 @@ def why_unposed(frames: Iterable[Frame]) -> str | None:
     }
     lacking = [f"{count} of {len(poses)} images have {what}" for what, count in counts.items() if count]
     return "; ".join(lacking) or None
+
+
+def _of_images(
+    sequence: Sequence,
+    config: Config,
+    cache: DescriptorCache,
+    skipped: tuple[BadImage, ...] | None,
+    camera: CameraModel | None = None,
+) -> Material:
+    refuse_bad(sequence, cache)
+    unposed = why_unposed(sequence.frames)
+    sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
+    camera = camera or resolve_camera(sequence, config.imaging, cache)
+    described = Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
+    first = next(described)
+    return Material(
+        name=sequence.name,
+        source=sequence.source,
+        cut=Cut(*sequence.cut_from),
+        descriptor=config.descriptor,
+        cells=len(first.description.orientation),
+        frames=sequence.frames,
+        positions=sequence.positions,
+        unposed=unposed,
+        described=chain([first], described),
+        camera=camera.settings,
+        origin=camera.origin,
+        card=sequence.card,
+        skipped=skipped,
+        pictures=Pictures(sequence.frames, camera),
+        cache=cache,
+    )
+
+
+def _of_archive(file: Path, cut: Cut) -> Material:
+    archive = load_archive(file)
+    chosen = range(len(archive.frames))[cut.start :: cut.stride][: cut.limit]
+    if not chosen:
+        raise DatasetError(
+            f"{file}: start {cut.start}, stride {cut.stride}, limit {cut.limit} leave none of its "
+            f"{len(archive.frames)} images"
+        )
+    frames = tuple(archive.frames[index] for index in chosen)
+    posed = tuple(map(_within_a_building, frames))
+    poses = [frame.pose for frame in posed]
+    return Material(
+        name=file.stem,
+        source=f"{ARCHIVE_SCHEME}{file.resolve()}",
+        cut=cut,
+        descriptor=ARCHIVE,
+        cells=archive.orientation.shape[1],
+        frames=posed,
+        positions=None if None in poses else np.array([[pose.x, pose.y] for pose in poses if pose]),
+        unposed=why_unposed(frames),
+        described=_of_arrays(archive, chosen),
+    )
+
+
+def _of_arrays(archive: Archive, chosen: Iterable[int]) -> Iterator[DescribedFrame]:
+    for index in chosen:
+        description = archive.description(index)
+        yield DescribedFrame(description, _digest(description))
+
+
+def _held_against(run: Run, material: Material) -> Material:
+    """Return the material of a run, whose descriptions end in an error if they are not those it replayed."""
+    steps, manifest = run.steps, run.manifest
+    files = [frame.file for frame in material.frames[: len(steps)]]
+    again = "replay it again"
+    if files != steps["file"].to_list():
+        before = steps["file"].to_list()
+        at = next((i for i, (one, other) in enumerate(zip(files, before, strict=False)) if one != other), len(files))
+        here = files[at] if at < len(files) else "nothing"
+        raise ResultError(f"step {at} of {run.folder} is of {before[at]}, {material.source} has {here} there; {again}")
+    fingerprint = manifest.get("dataset_fingerprint")
+
+    def described() -> Iterator[DescribedFrame]:
+        digests = []
+        for one in material.described:
+            digests.append(one.digest)
+            if len(digests) == len(steps) and fingerprint is not None:
+                found = dataset_fingerprint(material.frames[: len(steps)], digests)
+                if found != fingerprint:
+                    raise ResultError(
+                        f"the images, poses or labels of {material.source} are not those that {run.folder} replayed; "
+                        f"{again}"
+                    )
+            yield one
+
+    return dataclasses.replace(material, described=described())
 
 
 def _within_a_building(frame: Frame) -> Frame:

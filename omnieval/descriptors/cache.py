@@ -1,8 +1,8 @@
 """Descriptions kept on disk, so that a second replay reads no image.
 
-One SQLite file. A description is found by the digest of the image's bytes and of all else that determines it; the
-digest of a file whose path, size and time of change are as before is not computed again. Every row carries a checksum,
-so that a damaged one is computed again and never used. The cache is a convenience: when it cannot be read or written,
+One SQLite file. A description is found by the digest of the image's bytes and of all else that determines it, code
+included; the digest of a file that the file system calls unchanged (`file_state`) is not computed again. Every row
+carries a checksum, so that a damaged one is computed again and never used. The cache is a convenience: when it cannot be read or written,
 work goes on without it and `DescriptorCache.note` says why.
 """
 
@@ -16,16 +16,18 @@ from typing import Any, Self
 
 import numpy as np
 
+from omnieval.components import digest_of, module_digest
 from omnieval.datasets.cachedir import cache_dir
 from omnieval.descriptors.database import SpareDatabase
 from omnieval.descriptors.description import Description
+from omnieval.imaging.glance import file_state
 
-_COMPUTATION = 2
-"""Raised when decoding, unwrapping or a descriptor computes something else, so that older rows are not found."""
-DATABASE = "descriptors-2.sqlite"
+DATABASE = "descriptors-3.sqlite"
 """Name of the file within the cache folder; the number is that of its tables."""
+_PANORAMA = ("omnieval.imaging.decode", "omnieval.imaging.unwrap")
+"""The modules that make a panorama of the bytes of an image."""
 _TABLES = """
-CREATE TABLE IF NOT EXISTS files (path TEXT PRIMARY KEY, size INTEGER, mtime_ns INTEGER, digest TEXT) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS files (path TEXT PRIMARY KEY, state TEXT, digest TEXT) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS descriptions (
     digest TEXT, key TEXT, cells INTEGER, position BLOB, orientation BLOB, checksum BLOB, PRIMARY KEY (digest, key)
 );
@@ -33,10 +35,18 @@ CREATE TABLE IF NOT EXISTS notes (key TEXT PRIMARY KEY, value TEXT, checksum BLO
 """
 
 
-def description_key(settings: dict[str, Any]) -> str:
-    """Return the key of everything besides the image that determines a description."""
-    text = json.dumps({"computation": _COMPUTATION, **settings}, sort_keys=True)
-    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+def description_key(camera: dict[str, Any], descriptor: dict[str, Any]) -> str:
+    """Return the key of everything besides the image that determines a description.
+
+    Parameters
+    ----------
+    camera
+        Settings of the camera model; the code that decodes and unwraps is added.
+    descriptor
+        The descriptor's identity, its code included.
+    """
+    code = [module_digest(module) for module in _PANORAMA]
+    return digest_of({"camera": camera, "panorama": code, "descriptor": descriptor})
 
 
 def image_digest(data: bytes) -> str:
@@ -89,15 +99,15 @@ class DescriptorCache:
     def store(self, file: Path, key: str, digest: str, description: Description) -> None:
         """Keep the description of an image file whose bytes have this digest."""
         try:
-            status = file.stat()
+            state = file_state(file)
         except OSError:
             return  # gone since it was read; there is nothing to find again
         cells = len(description.orientation)
         position = description.position.astype("<f4").tobytes()
         orientation = description.orientation.astype("<f4").tobytes()
         self._database.write(
-            "INSERT OR REPLACE INTO files VALUES (?, ?, ?, ?)",
-            (_text(file), status.st_size, status.st_mtime_ns, digest),
+            "INSERT OR REPLACE INTO files VALUES (?, ?, ?)",
+            (_text(file), state, digest),
         )
         self._database.write(
             "INSERT OR REPLACE INTO descriptions VALUES (?, ?, ?, ?, ?, ?)",
@@ -127,12 +137,12 @@ class DescriptorCache:
 
     def _lookup(self, file: Path, key: str) -> tuple[str, Description] | None:
         try:
-            status = file.stat()
+            state = file_state(file)
         except OSError:
             return None  # whoever reads the image will say what is wrong with it
         known = self._database.find(
-            "SELECT digest FROM files WHERE path = ? AND size = ? AND mtime_ns = ?",
-            (_text(file), status.st_size, status.st_mtime_ns),
+            "SELECT digest FROM files WHERE path = ? AND state = ?",
+            (_text(file), state),
         )
         if known is None:
             return None

@@ -7,6 +7,7 @@ from collections.abc import Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
+from omnieval.components import Component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import Description, Descriptor
@@ -37,15 +38,18 @@ class Describer:
         Describes panoramas.
     cache
         Where descriptions are looked up and kept.
+
+    Raises
+    ------
+    ConfigError
+        If the descriptor cannot be made.
     """
 
-    def __init__(self, camera: CameraModel, descriptor: Descriptor, cache: DescriptorCache) -> None:
+    def __init__(self, camera: CameraModel, descriptor: Component, cache: DescriptorCache) -> None:
         self._camera = camera
-        self._descriptor = descriptor
+        self._descriptor: Descriptor = descriptor.make()
         self._cache = cache
-        self._key = description_key(
-            {"camera": camera.settings, "descriptor": {"name": descriptor.name, **descriptor.settings}}
-        )
+        self._key = description_key(camera.settings, descriptor.identity)
 
     def describe_frames(self, frames: Iterable[Frame]) -> Generator[DescribedFrame, None, None]:
         """Describe frames in order, a few ahead of the caller.

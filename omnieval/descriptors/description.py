@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,17 +26,15 @@ class Description:
 
 
 class Descriptor(Protocol):
-    """Turns a panorama into a `Description`. Pure: the same panorama gives the same arrays."""
+    """Turns a panorama into a `Description`. Pure: the same panorama gives the same arrays, from any thread.
 
-    @property
-    def name(self) -> str:
-        """The name it is called by on the command line, e.g. ``hog``."""
-        ...
+    A class of one's own needs `describe` and nothing else. It may also have
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Everything that determines the result, as plain values; part of the cache key."""
-        ...
+    - ``name``, what it is called in tables (default: made of the class's name),
+    - ``Settings``, a pydantic model of its parameters, an object of which the constructor then takes; or ``settings``,
+      a dict of plain values,
+    - ``weights``, the path of a file that its results depend on.
+    """
 
     def describe(self, panorama: NDArray[np.uint8]) -> Description:
         """Describe one grey panorama, shape (rows, columns), uint8."""

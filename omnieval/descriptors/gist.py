@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ _NORM_FLOOR = 0.01
 """Keeps the descriptor of a black image finite."""
 
 
-class GistConfig(BaseModel):
+class GistSettings(BaseModel):
     """Parameters of `Gist`; the defaults are the paper's where it states them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -82,14 +82,10 @@ class Gist:
     """
 
     name = "gist"
+    Settings = GistSettings
 
-    def __init__(self, config: GistConfig | None = None) -> None:
-        self.config = config or GistConfig()
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """See `Descriptor.settings`."""
-        return self.config.model_dump(mode="json")
+    def __init__(self, settings: GistSettings | None = None) -> None:
+        self.settings = settings or GistSettings()
 
     def describe(self, panorama: NDArray[np.uint8]) -> Description:
         """Describe a panorama, shape (rows, columns).
@@ -104,7 +100,7 @@ class Gist:
         ConfigError
             If its size is not divisible into cells on every level.
         """
-        config = self.config
+        config = self.settings
         self._check_size(*panorama.shape)
         image = panorama.astype(np.float32)
         if config.prefilter == "local-contrast":
@@ -125,7 +121,7 @@ class Gist:
         )
 
     def _check_size(self, rows: int, columns: int) -> None:
-        config = self.config
+        config = self.settings
         scale = 2 ** (config.levels - 1)
         if rows % (config.position_cells * scale) or columns % config.orientation_cells or columns % scale:
             raise ConfigError(

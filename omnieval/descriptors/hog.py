@@ -24,7 +24,7 @@ _VOTE_UNIT = 2.0**-20
 rolled panorama gives the same position descriptor to the bit."""
 
 
-class HogConfig(BaseModel):
+class HogSettings(BaseModel):
     """Parameters of `Hog`; the defaults are the paper's where it states them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -57,16 +57,12 @@ class Hog:
     """Describes a panorama by histograms of oriented gradients; implements `Descriptor`."""
 
     name = "hog"
+    Settings = HogSettings
 
-    def __init__(self, config: HogConfig | None = None) -> None:
-        self.config = config or HogConfig()
-        self._reach = 255 if self.config.kernel == "central" else 1020
-        self._votes = _tabulate(self.config, self._reach)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """See `Descriptor.settings`."""
-        return self.config.model_dump(mode="json")
+    def __init__(self, settings: HogSettings | None = None) -> None:
+        self.settings = settings or HogSettings()
+        self._reach = 255 if self.settings.kernel == "central" else 1020
+        self._votes = _tabulate(self.settings, self._reach)
 
     def describe(self, panorama: NDArray[np.uint8]) -> Description:
         """Describe a panorama, shape (rows, columns).
@@ -76,7 +72,7 @@ class Hog:
         ConfigError
             If its size is not divisible into cells, or a cell would be wider than the panorama.
         """
-        config = self.config
+        config = self.settings
         rows, columns = panorama.shape
         if rows % config.position_cells or columns % config.orientation_cells:
             raise ConfigError(
@@ -103,8 +99,8 @@ class Hog:
         Shapes (bands, bins) and (columns / strip, bins). What both are sums of is counted once.
         """
         rows, columns = panorama.shape
-        bands, bins = self.config.position_cells, self.config.bins
-        gradient = _gradients(panorama, self.config.kernel, self._reach).ravel()
+        bands, bins = self.settings.position_cells, self.settings.bins
+        gradient = _gradients(panorama, self.settings.kernel, self._reach).ravel()
         places = _places(rows, columns, bands, strip, bins)
         shape = bands, columns // strip, bins
         together = np.zeros(shape)
@@ -137,7 +133,7 @@ def _gradients(panorama: NDArray[np.uint8], kernel: Literal["central", "sobel"],
     return place[1:-1, 1:-1].astype(np.intp)
 
 
-def _tabulate(config: HogConfig, reach: int) -> _Votes:
+def _tabulate(config: HogSettings, reach: int) -> _Votes:
     """Decide every possible gradient once, in double precision: many angles lie exactly on the border of two bins."""
     values = np.arange(-reach, reach + 1, dtype=np.float64)
     dx, dy = np.meshgrid(values, values, indexing="ij")

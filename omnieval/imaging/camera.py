@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -78,6 +79,12 @@ class CameraModel:
         if self.mirror is None:
             return Resizer(self.rows, self.columns)
         return Unwrapper(self.mirror, self.rows, self.columns)
+
+
+def camera_of(about: Mapping[str, Any], size: tuple[int, int]) -> CameraModel:
+    """Return the camera that ``run.json`` tells of, for images of this size."""
+    mirror = None if about["mirror"] is None else Mirror(**about["mirror"])
+    return CameraModel(about["kind"], mirror, about["rows"], about["columns"], about["origin"], size)
 
 
 def resolve_camera(sequence: Sequence, config: ImagingConfig, notebook: Notebook | None = None) -> CameraModel:

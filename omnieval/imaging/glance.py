@@ -9,6 +9,7 @@ import hashlib
 import json
 from collections.abc import Sequence as Frames
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -93,6 +94,21 @@ def _grey(frame: Frame) -> NDArray[np.uint8]:
     return decode_grey(frame.read(), str(frame.path))
 
 
+def file_state(file: Path) -> str:
+    """Return what changes with a file, without reading it.
+
+    The time of the last change of the inode is part of it, which no copy that keeps size and time of modification
+    (``cp -p``, rsync) can keep.
+
+    Raises
+    ------
+    OSError
+        If it is not there.
+    """
+    status = file.stat()
+    return f"{status.st_size} {status.st_mtime_ns} {status.st_ctime_ns} {status.st_ino}"
+
+
 def files_key(what: str, frames: Frames[Frame]) -> str:
     """Return a key under which to note `what` is seen of image files; it changes with any file, and reads none.
 
@@ -104,9 +120,9 @@ def files_key(what: str, frames: Frames[Frame]) -> str:
     files = []
     for frame in frames:
         try:
-            status = frame.path.stat()
+            state = file_state(frame.path)
         except OSError as error:
             raise DatasetError(f"cannot read image {frame.path}: {error.strerror or error}") from error
-        files.append([str(frame.path.absolute()), status.st_size, status.st_mtime_ns])
+        files.append([str(frame.path.absolute()), state])
     text = json.dumps([what, _COMPUTATION, files])
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()

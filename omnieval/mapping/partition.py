@@ -18,6 +18,7 @@ class Partition:
     def __init__(self) -> None:
         self._labels = np.zeros(64, np.int64)
         self._count = 0
+        self._nodes: set[int] = set()
         self._active: set[int] = set()
 
     def apply(self, step: Step) -> None:
@@ -48,6 +49,11 @@ class Partition:
         return frozenset(self._active)
 
     @property
+    def count(self) -> int:
+        """Number of nodes, active and pending."""
+        return len(self._nodes)
+
+    @property
     def unassigned(self) -> float:
         """Share of the images so far that belong to no node, 0..1."""
         return float((self._labels[: self._count] == 0).mean()) if self._count else 0.0
@@ -59,10 +65,12 @@ class Partition:
     def _relabel(self, event: NodeEvent) -> None:
         if event.kind is EventKind.CREATED:
             self._labels[list(event.frames)] = event.node
+            self._nodes.add(event.node)
         elif event.kind is EventKind.MERGED:
             labels = self._labels[: self._count]
             labels[labels == event.node] = event.into or 0
             self._active.discard(event.node)
+            self._nodes.discard(event.node)
         else:
             self._active.add(event.node)
 

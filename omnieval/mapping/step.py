@@ -1,34 +1,38 @@
-"""The evidence of one decision: what `Mapper.step` computed, and what it decided.
+"""The evidence of one decision: what a mapper compared at a step, what it measured, and what it decided.
 
-Whatever shows, stores or judges a replay reads these records and nothing else. Frames are numbered from 0 in
-the order in which the mapper saw them, nodes from 1 in the order of their creation.
+Every mapper says this in the same words, so whatever shows, stores or judges a replay reads these records and nothing
+else. Frames are numbered from 0 in the order in which the mapper saw them, nodes from 1 in the order of their creation.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+Number = float | int | None
 
-class Verdict(StrEnum):
-    """What became of an image at its own step."""
 
-    INITIAL = "initial"
-    """One of the first `n_init` images, which make the first node."""
-    ASSIGNED = "assigned"
-    """Closed a loop: joined the node of its most similar image."""
+class Role(StrEnum):
+    """What a verdict means, whatever word a mapper has for it."""
+
+    FOUNDING = "founding"
+    """Makes a node without having been compared with any."""
+    JOINED = "joined"
+    """Closed a loop: joined a node that was there."""
     PENDING = "pending"
-    """Refused by the active nodes, taken by a pending one."""
-    NO_CANDIDATE = "no-candidate"
-    """Refused: no active node passed the node-level gate (Eq. 4)."""
-    PROMINENCE = "prominence"
-    """Refused: the best match does not stand out of the similarity curve."""
-    CENTROID = "centroid"
-    """Refused: the image would move the node's centroid too far (Eq. 9)."""
+    """Joined a node with which no loop can be closed yet."""
+    REFUSED = "refused"
+    """Compared with nodes, and refused by all of them; it may found a node nevertheless."""
+    UNASSIGNED = "unassigned"
+    """Left without a node for another reason."""
 
 
 class EventKind(StrEnum):
@@ -46,7 +50,7 @@ class NodeEvent:
     Attributes
     ----------
     kind
-        What happened.
+        What happened. Loops can be closed with a node from its activation on.
     node
         The node it happened to. A node that merges is gone afterwards.
     into
@@ -61,101 +65,28 @@ class NodeEvent:
     frames: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True)
-class NodeGate:
-    """Node-level loop closure: every active node against the new image (Eq. 4).
-
-    Attributes
-    ----------
-    x
-        The threshold x(C) = max(omega, 3.05 - 0.15 C).
-    nodes
-        Ids of the C active nodes, ascending, shape (C,).
-    ratios
-        |Delta - mu_ns| / sigma_ns of each, shape (C,), float64 (signed, without the modulus, when the gate is
-        one-sided). A node is a candidate iff its ratio <= x.
-    """
-
-    x: float
-    nodes: NDArray[np.int64]
-    ratios: NDArray[np.float64]
-
-    @property
-    def candidates(self) -> NDArray[np.int64]:
-        """Ids of the nodes that pass, ascending."""
-        return self.nodes[self.ratios <= self.x]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Match:
-    """Image-level loop closure over the m images of the candidate nodes.
+    """The image of the map that an image was found most similar to.
 
     Attributes
     ----------
-    frames
-        The images, ordered by node and then time, shape (m,).
-    slots
-        Where each stands on the curve over all `map_size` images of the map (same order; 0 elsewhere), shape (m,).
-    map_size
-        Length of that curve: the number of images in active and pending nodes.
-    position, orientation, similarity
-        s_pos, s_ori (each sums to 1) and their product s, shape (m,), float64.
-    shifts
-        How many cells image k's orientation descriptor is rolled to align it with the new image's, shape (m,).
-    best
-        Index of the most similar image within these arrays.
+    frame
+        Its number.
     node
-        The node of that image.
-    prominence, prominence_mean
-        Prominence of the peak at `best`, and the mean it is compared with.
-    peaks
-        Number of local peaks on the curve.
+        Its node at that step.
+    shift
+        How many cells its orientation descriptor is rolled to align it with the new image's.
     """
 
-    frames: NDArray[np.int64]
-    slots: NDArray[np.int64]
-    map_size: int
-    position: NDArray[np.float64]
-    orientation: NDArray[np.float64]
-    similarity: NDArray[np.float64]
-    shifts: NDArray[np.int64]
-    best: int
+    frame: int
     node: int
-    prominence: float
-    prominence_mean: float
-    peaks: int
-
-    @property
-    def best_frame(self) -> int:
-        """Frame number of the most similar image."""
-        return int(self.frames[self.best])
-
-    @property
-    def shift(self) -> int:
-        """Cells by which the best image is rolled to align with the new one."""
-        return int(self.shifts[self.best])
-
-    @property
-    def prominence_ratio(self) -> float:
-        """Prominence over its mean; compared with gamma."""
-        return self.prominence / self.prominence_mean if self.prominence_mean > 0 else np.inf
+    shift: int = 0
 
 
-@dataclass(frozen=True)
-class Centroid:
-    """The centroid condition (Eq. 9): the shift of the node's mean against the largest leave-one-out shift."""
-
-    shift: float
-    bound: float
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Margin:
-    """How far the nearest comparison of a step was from going the other way, relative to its threshold.
-
-    `gate` names it: ``node``, ``match`` (most similar image of one node against that of the next),
-    ``prominence``, ``centroid``, ``pending``, ``merge`` or ``activation``.
-    """
+    """How far the nearest comparison of a step was from going the other way, relative to its threshold; its gate."""
 
     value: float
     gate: str
@@ -163,13 +94,12 @@ class Margin:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Values that were compared with a threshold.
+    """Values that were compared with a threshold. It passes if any of them is on the right side.
 
     Attributes
     ----------
     gate
-        What they were compared for, as `Margin.gate`; or ``run``, the length of a run against `n_new`, which has
-        no margin.
+        What they were compared for: one of the gates that the mapper declares.
     values
         What was compared, at least one.
     threshold
@@ -183,6 +113,11 @@ class Comparison:
         What the threshold is at least, whatever the parameter.
     reaches
         Whether values have to reach the threshold, rather than stay at or below it.
+    of
+        The nodes or images (as the gate says) that the values belong to, in their order; empty where there is but one
+        value.
+    counts
+        Whether whole numbers are compared, which are never nearly equal: there is no margin.
     """
 
     gate: str
@@ -193,6 +128,31 @@ class Comparison:
     parameter: str | None = None
     floor: float = -math.inf
     reaches: bool = False
+    of: tuple[int, ...] = ()
+    counts: bool = False
+
+    @property
+    def passed(self) -> bool:
+        """Whether any value is on the right side of the threshold."""
+        return self.best >= self.threshold if self.reaches else self.best <= self.threshold
+
+    @property
+    def best(self) -> float:
+        """The value that is nearest to passing, or passes by the most."""
+        return max(self.values) if self.reaches else min(self.values)
+
+    @property
+    def passing(self) -> tuple[int, ...]:
+        """The nodes or images whose values pass, in their order."""
+        return tuple(
+            one
+            for one, value in zip(self.of, self.values, strict=False)
+            if (value >= self.threshold if self.reaches else value <= self.threshold)
+        )
+
+    def value_of(self, one: int) -> float | None:
+        """Return the value of a node or image, None if it was not compared."""
+        return self.values[self.of.index(one)] if one in self.of else None
 
     def margin_at(self, threshold: float) -> float:
         """Return how far the nearest value is from a threshold, relative to it."""
@@ -217,6 +177,34 @@ class Comparison:
 
 
 @dataclass(frozen=True)
+class Curves:
+    """How similar an image is to m images of the map, by one or several measures; the mapper declares their names.
+
+    Attributes
+    ----------
+    frames
+        The images, ordered by node and then time, shape (m,).
+    slots
+        Where each stands on the curve over all `size` images of the map (same order; 0 elsewhere), shape (m,).
+    size
+        Length of that curve.
+    values
+        The measures by name, shape (m,) each; the best image is the maximum of the first.
+    best
+        Index of the best image within these arrays.
+    level
+        How high the first curve must be at the best image to pass, relative to what it is there; None if nothing asks.
+    """
+
+    frames: NDArray[np.int64]
+    slots: NDArray[np.int64]
+    size: int
+    values: Mapping[str, NDArray[np.float64]]
+    best: int
+    level: float | None = None
+
+
+@dataclass(frozen=True)
 class Step:
     """Everything that was computed to decide about one image, and the decision.
 
@@ -225,43 +213,73 @@ class Step:
     frame
         Number of the image, 0-based.
     verdict
-        What became of it.
+        What became of it, in the mapper's own word.
+    role
+        What that word means.
     node
         The node it belongs to after this step, None while it is unassigned.
-    gate
-        Node-level loop closure; None for initial images.
     match
-        Image-level loop closure; None when there was no candidate.
-    centroid
-        The centroid condition; None when it was not reached.
-    run
-        Length of the run of unassigned images, this one included, before a node is made of it; 0 if assigned.
+        The image of the map that it was found most similar to; None where there is none.
     events
         What happened to nodes, in order.
-    active, pending
-        Number of active and pending nodes after the step.
-    margin
-        The step's margin; None when nothing was compared.
-    merge_ratio
-        Ratio of a new node's representative in the nearest active node (Eq. 11), signed or not as `merge_gate` says,
-        which was held against y; with `merge_when` = always that of a grown node too. None where none was compared.
     comparisons
-        What was compared on the way to the decision, in order; empty when it is not known.
+        What was compared on the way to the decision, in order.
+    measured
+        What else the mapper declares to measure, by the names of its columns.
+    curves
+        Similarities to images of the map. They are not in the tables: a run that is read back has none.
     """
 
     frame: int
-    verdict: Verdict
-    node: int | None
-    gate: NodeGate | None
-    match: Match | None
-    centroid: Centroid | None
-    run: int
-    events: tuple[NodeEvent, ...]
-    active: int
-    pending: int
-    margin: Margin | None
-    merge_ratio: float | None = None
+    verdict: str
+    role: Role
+    node: int | None = None
+    match: Match | None = None
+    events: tuple[NodeEvent, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
+    measured: Mapping[str, Number] = field(default_factory=dict)
+    curves: Curves | None = None
+
+    @cached_property
+    def margin(self) -> Margin | None:
+        """How near the step was to going another way; None when nothing was compared."""
+        return smallest_margin(self.comparisons)
+
+    def compared(self, gate: str) -> Comparison | None:
+        """Return the first comparison of a gate, None if there is none."""
+        return next((one for one in self.comparisons if one.gate == gate), None)
+
+    def seen_by(self, settings: Any) -> Step:
+        """Return the step as a mapper with other `settings` reports it, for which every comparison comes out the same.
+
+        It has that mapper's thresholds and no curves, whose level is another one.
+        """
+        comparisons = tuple(
+            one
+            if one.parameter is None
+            else dataclasses.replace(one, threshold=one.threshold_at(getattr(settings, one.parameter)))
+            for one in self.comparisons
+        )
+        return dataclasses.replace(self, comparisons=comparisons, curves=None)
+
+
+def smallest_margin(comparisons: Iterable[Comparison], settings: Any = None) -> Margin | None:
+    """Return how near a step was to going another way; None when nothing was compared.
+
+    `settings` give the thresholds, if they are not those of the comparisons; every comparison must come out the same
+    with them.
+    """
+    smallest: Margin | None = None
+    for one in comparisons:
+        if one.counts:
+            continue
+        threshold = one.threshold
+        if settings is not None and one.parameter is not None:
+            threshold = one.threshold_at(getattr(settings, one.parameter))
+        value = one.margin_at(threshold)
+        if smallest is None or value < smallest.value:
+            smallest = Margin(value, one.gate)
+    return smallest
 
 
 class Placement(StrEnum):

@@ -1,8 +1,9 @@
-"""Many configurations at once, in one tree: what they have in common is computed once.
+"""Many settings of one mapper at once, in one tree: what they have in common is computed once.
 
-Two configurations map alike until a comparison comes out differently. So all of them begin as one mapper; where the
+Two mappers map alike until a comparison comes out differently. So all of them begin as one mapper; where the
 comparisons of a step tell that some would have gone another way, these go on with a mapper of their own. Every
-configuration gets, to the bit, what a mapper of its own would have given it.
+setting gets, to the bit, what a mapper of its own would have given it. It works for every mapper that says in its
+comparisons all that the swept parameters decide (`BranchingMapper.swept`).
 
 The same tree finds every value of a parameter at which the map changes, over a whole interval.
 """
@@ -15,20 +16,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, Self, TypeVar
 
+from pydantic import BaseModel
+
 from omnieval.descriptors.description import Description
-from omnieval.mapping.conditions import gate_threshold
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.journal import Journal, smallest_margin
-from omnieval.mapping.mapper import Mapper
+from omnieval.mapping.interface import BranchingMapper
+from omnieval.mapping.journal import Journal
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.step import Comparison, FinalMap, Placement, Step
 
-SHARED = ("omega", "merge_y", "gamma", "n_new")
-"""Parameters that configurations of one tree may differ in; what else differs takes another tree."""
-
 
 class Region(Protocol):
-    """Some configurations, that have all gone the same way so far."""
+    """Some settings, that have all gone the same way so far."""
 
     @property
     def count(self) -> int:
@@ -41,7 +39,7 @@ class Region(Protocol):
         ...
 
     @property
-    def representative(self) -> MapperConfig:
+    def representative(self) -> BaseModel:
         """One of them."""
         ...
 
@@ -57,29 +55,29 @@ R = TypeVar("R", bound=Region)
 class Points:
     """Configurations one by one, not empty."""
 
-    configs: tuple[MapperConfig, ...]
+    settings: tuple[BaseModel, ...]
 
     @property
     def count(self) -> int:
         """See `Region`."""
-        return len(self.configs)
+        return len(self.settings)
 
     @property
     def alone(self) -> bool:
         """See `Region`."""
-        return len(self.configs) == 1
+        return len(self.settings) == 1
 
     @property
-    def representative(self) -> MapperConfig:
+    def representative(self) -> BaseModel:
         """See `Region`."""
-        return self.configs[0]
+        return self.settings[0]
 
     def split(self, comparisons: Sequence[Comparison]) -> tuple[Points, list[Points]]:
         """See `Region`."""
         if self.alone:
             return self, []
-        alike = tuple(config for config in self.configs if _same(comparisons, config))
-        others = tuple(config for config in self.configs if not _same(comparisons, config))
+        alike = tuple(one for one in self.settings if _same(comparisons, one))
+        others = tuple(one for one in self.settings if not _same(comparisons, one))
         return Points(alike), [Points(others)] if others else []
 
 
@@ -87,7 +85,7 @@ class Points:
 class Interval:
     """All values of one parameter from `low` up to below `high`, the other parameters as in `base`."""
 
-    base: MapperConfig
+    base: BaseModel
     parameter: str
     low: float
     high: float
@@ -103,7 +101,7 @@ class Interval:
         return False
 
     @property
-    def representative(self) -> MapperConfig:
+    def representative(self) -> BaseModel:
         """See `Region`."""
         return self.base.model_copy(update={self.parameter: self.low})
 
@@ -126,7 +124,7 @@ class Branch(Generic[R]):
     Attributes
     ----------
     region
-        The configurations.
+        The settings.
     mapper
         Theirs.
     seconds
@@ -134,31 +132,34 @@ class Branch(Generic[R]):
     """
 
     region: R
-    mapper: Mapper
+    mapper: BranchingMapper
     seconds: float = 0.0
 
 
 class Sweep(Generic[R]):
-    """Maps a sequence with many configurations.
+    """Maps a sequence with many settings of a mapper.
 
     Parameters
     ----------
+    mapper
+        The mapper.
     regions
-        The configurations, not empty; within a region they differ in `SHARED` only.
+        The settings, not empty; within a region they differ in `BranchingMapper.swept` only.
 
     Examples
     --------
     >>> import numpy as np
+    >>> from omnieval.mapping.leader import Leader, LeaderSettings
     >>> rng = np.random.default_rng(0)
     >>> images = [Description(rng.random(4, np.float32), rng.random((8, 2), np.float32)) for _ in range(30)]
-    >>> sweep = Sweep([Points(tuple(MapperConfig(n_init=10, n_new=10, omega=omega) for omega in (1.7, 2.3)))])
-    >>> sum(len(points.configs) for points, step in list(sweep.steps(images))[-1])
+    >>> sweep = Sweep(Leader, [Points(tuple(LeaderSettings(radius=radius) for radius in (0.5, 1.0)))])
+    >>> sum(len(points.settings) for points, step in list(sweep.steps(images))[-1])
     2
     """
 
-    def __init__(self, regions: Iterable[R]) -> None:
+    def __init__(self, mapper: type[BranchingMapper], regions: Iterable[R]) -> None:
         self._images = ImageMemory()
-        self._branches = [Branch(region, Mapper(region.representative, self._images)) for region in regions]
+        self._branches = [Branch(region, mapper(region.representative, self._images)) for region in regions]
 
     def steps(self, descriptions: Iterable[Description]) -> Iterator[list[tuple[R, Step]]]:
         """Decide about image after image; yield for each the distinct steps and who took them.
@@ -234,14 +235,6 @@ class Outcome(Generic[R]):
     seconds: float
 
 
-def seen_by(step: Step, config: MapperConfig) -> Step:
-    """Return the step of a sweep as a mapper of one of those who took it reports it: with its own thresholds."""
-    gate = step.gate
-    if gate is not None:
-        gate = dataclasses.replace(gate, x=gate_threshold(config.omega, len(gate.nodes)))
-    return dataclasses.replace(step, gate=gate, margin=smallest_margin(step.comparisons, config))
-
-
 def _decide(branch: Branch[R], frame: int) -> Iterator[tuple[Branch[R], Step]]:
     """Decide about an image; yield every way that is taken."""
     waiting = [branch.region]
@@ -258,15 +251,15 @@ def _decide(branch: Branch[R], frame: int) -> Iterator[tuple[Branch[R], Step]]:
 
 @dataclass
 class _Placing(Generic[R]):
-    """Where the leftovers of some configurations end."""
+    """Where the leftovers of some settings end."""
 
     region: R
     seconds: float
     placed: dict[int, tuple[int, Placement]] = field(default_factory=dict)
 
 
-def _place(mapper: Mapper, frame: int, placings: list[_Placing[R]]) -> list[_Placing[R]]:
-    """Place a leftover for all configurations of a branch, which may part over it."""
+def _place(mapper: BranchingMapper, frame: int, placings: list[_Placing[R]]) -> list[_Placing[R]]:
+    """Place a leftover for all settings of a branch, which may part over it."""
     known: list[tuple[list[Comparison], tuple[int, Placement]]] = []
     parted: list[_Placing[R]] = []
     for placing in placings:
@@ -274,11 +267,11 @@ def _place(mapper: Mapper, frame: int, placings: list[_Placing[R]]) -> list[_Pla
         while waiting:
             started = time.perf_counter()
             region = waiting.pop()
-            config = region.representative
-            found = next((one for one in known if _same(one[0], config)), None)
+            settings = region.representative
+            found = next((one for one in known if _same(one[0], settings)), None)
             if found is None:
                 journal = Journal()
-                found = journal.comparisons, mapper.fork(config).place(frame, journal)
+                found = journal.comparisons, mapper.fork(settings).place(frame, journal)
                 known.append(found)
             alike, others = region.split(found[0])
             waiting += others
@@ -287,6 +280,6 @@ def _place(mapper: Mapper, frame: int, placings: list[_Placing[R]]) -> list[_Pla
     return parted
 
 
-def _same(comparisons: Iterable[Comparison], config: MapperConfig) -> bool:
-    """Whether all comparisons come out the same for another configuration."""
-    return all(one.same_at(getattr(config, one.parameter)) for one in comparisons if one.parameter is not None)
+def _same(comparisons: Iterable[Comparison], settings: BaseModel) -> bool:
+    """Whether all comparisons come out the same with other settings."""
+    return all(one.same_at(getattr(settings, one.parameter)) for one in comparisons if one.parameter is not None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.mapping.step import EventKind, Step, Verdict
+from omnieval.mapping.step import EventKind, Role, Step
 from omnieval.metrics.silhouette import IncrementalSilhouette
 
 
@@ -30,7 +30,7 @@ class SilhouetteSoFar:
                     self._add(frame, event.node)
             elif event.kind is EventKind.MERGED and event.into is not None:
                 self._silhouette.merge(event.node, event.into)
-        if step.verdict in {Verdict.ASSIGNED, Verdict.PENDING} and step.node is not None:
+        if step.role in {Role.JOINED, Role.PENDING} and step.node is not None:
             self._add(step.frame, step.node)
         return self._silhouette.value()
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from omnieval.errors import ConfigError
 from omnieval.explain.capture import Capture
-from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.interface import Method
 from omnieval.mapping.step import Step
 
 
@@ -61,8 +61,8 @@ class RecordingInfo:
         Unique to the run: two files with one id are one recording to the viewer.
     steps
         Number of images of the sequence.
-    mapper
-        The parameters of the method.
+    method
+        The mapper: its parameters and the words of its evidence.
     cells
         Cells of the orientation descriptor: the unit of shifts.
     description
@@ -76,7 +76,7 @@ class RecordingInfo:
     name: str
     recording_id: str
     steps: int
-    mapper: MapperConfig
+    method: Method
     cells: int
     description: str
     properties: Mapping[str, str | float | int] = field(default_factory=dict)

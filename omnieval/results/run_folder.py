@@ -23,13 +23,15 @@ from typing import Any
 
 import polars as pl
 
+from omnieval.config import Config
 from omnieval.errors import ResultError
+from omnieval.mapping.interface import Method
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash, folder_hash
 from omnieval.results.inside import report_inside
 from omnieval.results.interrupts import interrupts_wait
 from omnieval.results.manifest import Manifest, read_manifest, status_of
-from omnieval.results.schemas import STEPS
+from omnieval.results.schemas import steps_schema
 from omnieval.results.tables import steps_frame
 from omnieval.wording import safe_name
 
@@ -66,13 +68,25 @@ class Run:
         return status_of(self.manifest)
 
     @property
+    def config(self) -> Config:
+        """What was replayed with what."""
+        return Config.of_run(self.manifest)
+
+    @property
+    def method(self) -> Method:
+        """The words of the evidence."""
+        return method_of(self.manifest)
+
+    @property
     def steps(self) -> pl.DataFrame:
-        """One row a frame (`schemas.STEPS`); of a run that did not end, the steps it came to."""
+        """One row a frame (`schemas.steps_schema`); of a run that did not end, the steps it came to."""
         whole = self.folder / "steps.parquet"
         if whole.exists():
             return self._table("steps")
         parts = _parts(self.folder)
-        return pl.concat([_read_table(part) for part in parts]) if parts else STEPS.to_frame()
+        return (
+            pl.concat([_read_table(part) for part in parts]) if parts else steps_schema(self.method.columns).to_frame()
+        )
 
     @property
     def nodes(self) -> pl.DataFrame:
@@ -107,7 +121,12 @@ class Run:
         return self.folder / RECORDING
 
 
-def open_run(folder: Path) -> Run:
+def method_of(manifest: dict[str, Any]) -> Method:
+    """Return the mapper that ``run.json`` tells of."""
+    return Method.model_validate(manifest["mapper"])
+
+
+def open_run(folder: str | Path) -> Run:
     """Open a run folder.
 
     Raises
@@ -115,7 +134,8 @@ def open_run(folder: Path) -> Run:
     ResultError
         If it is not one, or one of a schema this version does not know.
     """
-    return Run(folder, read_manifest(folder, KIND))
+    path = Path(folder).expanduser()
+    return Run(path, read_manifest(path, KIND))
 
 
 class RunWriter:
@@ -141,6 +161,7 @@ class RunWriter:
         self.folder = folder
         files = (*FILES, *report_inside(folder))
         self._manifest = Manifest(folder, KIND, manifest, files=files, overwrite=overwrite)
+        self._columns = method_of(manifest).columns
         self._rows: list[dict[str, Any]] = []
         self._written: list[pl.DataFrame] = []
         self._last_write = time.monotonic()
@@ -154,7 +175,7 @@ class RunWriter:
     def steps(self) -> pl.DataFrame:
         """Return the steps so far."""
         with interrupts_wait():
-            self._written = [pl.concat([*self._written, steps_frame(self._rows)])]
+            self._written = [pl.concat([*self._written, steps_frame(self._rows, self._columns)])]
         self._rows = []
         return self._written[0]
 
@@ -175,7 +196,7 @@ class RunWriter:
             self._manifest.update(manifest)
         return Run(self.folder, self._manifest.content | manifest)
 
-    def abandon(self, status: str, reason: str) -> Run:
+    def abandon(self, status: str, reason: str, fingerprint: str) -> Run:
         """Close a run that did not reach its end (`interrupted` or `failed`); its steps stay readable.
 
         A run that is complete stays so: what ends it early can only have cost the recording.
@@ -184,7 +205,8 @@ class RunWriter:
             return self.annotate({"recording_failure": reason})
         try:
             write_table(self.steps(), self.folder / "steps.parquet")
-            return self._close(status, {"reason": reason, "file_digests": self._file_digests()})
+            about = {"reason": reason, "dataset_fingerprint": fingerprint, "file_digests": self._file_digests()}
+            return self._close(status, about)
         finally:
             self._manifest.release()
 
@@ -200,7 +222,7 @@ class RunWriter:
     def _write_part(self) -> None:
         parts = self.folder / _PARTS
         with interrupts_wait():
-            part = steps_frame(self._rows)
+            part = steps_frame(self._rows, self._columns)
         try:
             parts.mkdir(exist_ok=True)
         except OSError as error:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any, get_args
 
 import polars as pl
+from pydantic.fields import FieldInfo
 
-from omnieval.config import parameters
-from omnieval.mapping.step import EventKind, Placement, Verdict
+from omnieval.mapping.interface import Column
+from omnieval.mapping.step import EventKind, Placement, Role
 from omnieval.metrics.evaluation import METRICS
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
-def _schema(columns: dict[str, pl.DataType | type[pl.DataType]]) -> pl.Schema:
+def _schema(columns: Mapping[str, pl.DataType | type[pl.DataType]]) -> pl.Schema:
     return pl.Schema(columns)
 
 
-VERDICT = pl.Enum([verdict.value for verdict in Verdict])
+ROLE = pl.Enum([role.value for role in Role])
 PLACEMENT = pl.Enum([placement.value for placement in Placement])
 EVENT = pl.Struct(
     {
@@ -27,6 +29,21 @@ EVENT = pl.Struct(
         "frames": pl.List(pl.Int32),
     }
 )
+COMPARISON = pl.Struct(
+    {
+        "gate": pl.String,
+        "values": pl.List(pl.Float64),
+        "of": pl.List(pl.Int32),
+        "threshold": pl.Float64,
+        "reaches": pl.Boolean,
+        "low": pl.Float64,
+        "high": pl.Float64,
+        "parameter": pl.String,
+        "floor": pl.Float64,
+        "counts": pl.Boolean,
+    }
+)
+"""What was compared (`mapping.step.Comparison`)."""
 
 STEPS = _schema(
     {
@@ -37,28 +54,16 @@ STEPS = _schema(
         "y": pl.Float64,
         "yaw": pl.Float64,
         "room": pl.String,
-        "verdict": VERDICT,
+        "verdict": pl.String,
+        "role": ROLE,
         "node": pl.Int32,
         "node_final": pl.Int32,
         "placement": PLACEMENT,
         "forced": pl.Boolean,
-        "candidates": pl.List(pl.Int32),
-        "gate_nodes": pl.List(pl.Int32),
-        "gate_ratios": pl.List(pl.Float64),
-        "x_gate": pl.Float64,
         "best_frame": pl.Int32,
+        "best_node": pl.Int32,
         "shift": pl.Int32,
-        "similarity_position": pl.Float64,
-        "similarity_orientation": pl.Float64,
-        "similarity": pl.Float64,
-        "prominence": pl.Float64,
-        "prominence_mean": pl.Float64,
-        "prominence_ratio": pl.Float64,
-        "peaks": pl.Int32,
-        "centroid_shift": pl.Float64,
-        "centroid_bound": pl.Float64,
-        "merge_ratio": pl.Float64,
-        "run": pl.Int32,
+        "comparisons": pl.List(COMPARISON),
         "event": pl.List(EVENT),
         "active": pl.Int32,
         "pending": pl.Int32,
@@ -67,10 +72,18 @@ STEPS = _schema(
         "milliseconds": pl.Float64,
     }
 )
-"""One row a frame. All but `node_final`, `placement`, `forced` is known at the step itself."""
+"""One row a frame: what every mapper says. All but `node_final`, `placement`, `forced` is known at the step itself. The
+columns that the mapper declares (`Column`) come before `milliseconds`."""
 
-DECISIONS = tuple(name for name in STEPS if name != "milliseconds")
-"""The columns that two runs of the same sequence and configuration share to the bit."""
+_COLUMN_TYPES: dict[str, type[pl.DataType]] = {"float": pl.Float64, "int": pl.Int32}
+
+
+def steps_schema(columns: Iterable[Column]) -> pl.Schema:
+    """Return the columns of the steps of a mapper that declares some of its own."""
+    own = {column.name: _COLUMN_TYPES[column.type] for column in columns}
+    common = {name: kind for name, kind in STEPS.items() if name != "milliseconds"}
+    return _schema({**common, **own, "milliseconds": STEPS["milliseconds"]})
+
 
 NODES = _schema(
     {
@@ -96,6 +109,8 @@ to it; null for nodes that merged into another."""
 TRANSITIONS = _schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
 """The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""
 
+_METRICS: dict[str, type[pl.DataType]] = {name: pl.Int32 if name == "nodes" else pl.Float64 for name in METRICS}
+
 PARTITIONS = _schema(
     {
         "dataset": pl.String,
@@ -103,7 +118,7 @@ PARTITIONS = _schema(
         "method": pl.String,
         "similarity": pl.String,
         "k": pl.Int32,
-        **{name: pl.Int32 if name == "nodes" else pl.Float64 for name in METRICS},
+        **_METRICS,
         "seconds": pl.Float64,
     }
 )
@@ -118,26 +133,33 @@ def _type_of(annotation: Any) -> type[pl.DataType]:
     return pl.Float64 if float in types else pl.Int64 if int in types else pl.String
 
 
-ABLATION = _schema(
-    {
-        "job": pl.Int32,
-        "dataset": pl.String,
-        "source": pl.String,
-        **{name: _type_of(field.annotation) for name, field in parameters().items()},
-        **{name: pl.Int32 if name == "nodes" else pl.Float64 for name in METRICS},
-        "batch_silhouette": pl.Float64,
-        "smallest_margin": pl.Float64,
-        "smallest_margin_frame": pl.Int32,
-        "smallest_margin_gate": pl.String,
-        "exact": pl.String,
-        "exact_from": pl.Float64,
-        "exact_to": pl.Float64,
-        "seconds": pl.Float64,
-        "error": pl.String,
-    }
-)
-"""One row a run of an ablation, in the order of its grid (`job`): the source, every parameter, the metrics of a run,
-the silhouette of batch spectral clustering with as many clusters as the map has nodes, the smallest margin, where it
-was, the seconds of mapping, and the error of a run that failed (its other results are null). What runs have in common
-is computed once, and its seconds are divided among them. With `exact`, the name of a parameter, a row holds for all its
-values from `exact_from` up to below `exact_to` (the last row of an interval up to and with it); else these are null."""
+def ablation_schema(parameters: Mapping[str, FieldInfo]) -> pl.Schema:
+    """Return the columns of an ablation over components that have these parameters, by the names they are set with.
+
+    One row a run, in the order of its grid (`job`): the source, mapper and descriptor, every parameter (null where the
+    row's components have none of that name), the metrics of a run, the silhouette of batch spectral clustering with as
+    many clusters as the map has nodes, the smallest margin, where it was, the seconds of mapping, and the error of a
+    run that failed (its other results are null). What runs have in common is computed once, and its seconds are divided
+    among them. With `exact`, the name of a parameter, a row holds for all its values from `exact_from` up to below
+    `exact_to` (the last row of an interval up to and with it); else these are null.
+    """
+    return _schema(
+        {
+            "job": pl.Int32,
+            "dataset": pl.String,
+            "source": pl.String,
+            "mapper": pl.String,
+            "descriptor": pl.String,
+            **{name: _type_of(field.annotation) for name, field in parameters.items()},
+            **_METRICS,
+            "batch_silhouette": pl.Float64,
+            "smallest_margin": pl.Float64,
+            "smallest_margin_frame": pl.Int32,
+            "smallest_margin_gate": pl.String,
+            "exact": pl.String,
+            "exact_from": pl.Float64,
+            "exact_to": pl.Float64,
+            "seconds": pl.Float64,
+            "error": pl.String,
+        }
+    )

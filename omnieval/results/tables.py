@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from omnieval.datasets.sequence import Frame
-from omnieval.mapping.partition import count_transitions
+from omnieval.datasets.sequence import Frame, Pose
+from omnieval.mapping.interface import Column
+from omnieval.mapping.partition import Partition, count_transitions
 from omnieval.mapping.step import (
-    Centroid,
+    Comparison,
     EventKind,
     FinalMap,
-    Margin,
+    Match,
     NodeEvent,
-    NodeGate,
     Placement,
+    Role,
     Step,
-    Verdict,
 )
-from omnieval.results.schemas import NODES, PLACEMENT, STEPS, TRANSITIONS
+from omnieval.results.schemas import NODES, PLACEMENT, TRANSITIONS, steps_schema
+
+_NO_PATH = Path()
+"""Of a frame that is read back from a table: its image is not known."""
 
 
-def step_row(step: Step, frame: Frame, milliseconds: float) -> dict[str, Any]:
-    """Return the row of one step; what only the end of the sequence tells is null."""
-    pose = frame.pose
-    row: dict[str, Any] = {
+def step_row(step: Step, frame: Frame, partition: Partition, milliseconds: float) -> dict[str, Any]:
+    """Return the row of one step, which `partition` has taken in; what only the end of the sequence tells is null."""
+    pose, match, margin = frame.pose, step.match, step.margin
+    active = len(partition.active)
+    return {
         "frame": step.frame,
         "file": frame.file,
         "time": frame.time_ns,
@@ -37,41 +42,28 @@ def step_row(step: Step, frame: Frame, milliseconds: float) -> dict[str, Any]:
         "y": pose.y if pose else None,
         "yaw": pose.yaw if pose and np.isfinite(pose.yaw) else None,
         "room": frame.room,
-        "verdict": step.verdict.value,
+        "verdict": step.verdict,
+        "role": step.role.value,
         "node": step.node,
-        "run": step.run,
+        "best_frame": match.frame if match else None,
+        "best_node": match.node if match else None,
+        "shift": match.shift if match else None,
+        "comparisons": [_comparison_row(one) for one in step.comparisons],
         "event": [_event_row(event) for event in step.events],
-        "active": step.active,
-        "pending": step.pending,
-        "margin": step.margin.value if step.margin else None,
-        "margin_gate": step.margin.gate if step.margin else None,
+        "active": active,
+        "pending": partition.count - active,
+        "margin": margin.value if margin else None,
+        "margin_gate": margin.gate if margin else None,
+        **step.measured,
         "milliseconds": milliseconds,
     }
-    if step.gate:
-        row["candidates"] = step.gate.candidates.tolist()
-        row["gate_nodes"] = step.gate.nodes.tolist()
-        row["gate_ratios"] = step.gate.ratios.tolist()
-        row["x_gate"] = step.gate.x
-    if match := step.match:
-        row["best_frame"] = match.best_frame
-        row["shift"] = match.shift
-        row["similarity_position"] = float(match.position[match.best])
-        row["similarity_orientation"] = float(match.orientation[match.best])
-        row["similarity"] = float(match.similarity[match.best])
-        row["prominence"] = match.prominence
-        row["prominence_mean"] = match.prominence_mean
-        row["prominence_ratio"] = match.prominence_ratio
-        row["peaks"] = match.peaks
-    if step.centroid:
-        row["centroid_shift"] = step.centroid.shift
-        row["centroid_bound"] = step.centroid.bound
-    row["merge_ratio"] = step.merge_ratio
-    return row
 
 
-def steps_frame(rows: Iterable[dict[str, Any]]) -> pl.DataFrame:
-    """Return rows of `step_row` as a table."""
-    return pl.DataFrame([dict.fromkeys(STEPS) | row for row in rows], schema=STEPS)
+def steps_frame(rows: Iterable[dict[str, Any]], columns: Sequence[Column]) -> pl.DataFrame:
+    """Return rows of `step_row` as a table, with the `columns` that the mapper declares."""
+    schema = steps_schema(columns)
+    blank = dict.fromkeys(schema)
+    return pl.DataFrame([blank | row for row in rows], schema=schema)
 
 
 def with_final_map(steps: pl.DataFrame, final: FinalMap) -> pl.DataFrame:
@@ -82,35 +74,43 @@ def with_final_map(steps: pl.DataFrame, final: FinalMap) -> pl.DataFrame:
         labels.replace(0, None),
         placements,
         (placements == Placement.FORCED.value).alias("forced"),
-    ).select(STEPS.names())
+    ).select(steps.columns)
 
 
-def step_from_row(row: dict[str, Any]) -> Step:
-    """Return a row of the steps table as a step again, without its match, which is more than a row holds."""
-    gate = margin = centroid = None
-    if row["gate_nodes"] is not None:
-        gate = NodeGate(row["x_gate"], np.array(row["gate_nodes"], np.int64), np.array(row["gate_ratios"]))
-    if row["centroid_shift"] is not None:
-        centroid = Centroid(row["centroid_shift"], row["centroid_bound"])
-    if row["margin"] is not None:
-        margin = Margin(row["margin"], row["margin_gate"])
+def step_from_row(row: dict[str, Any], columns: Iterable[Column]) -> Step:
+    """Return a row of the steps table as the step it was made of, without its curves, which no row holds."""
+    match = None
+    if row["best_frame"] is not None:
+        match = Match(row["best_frame"], row["best_node"], row["shift"])
     return Step(
         frame=row["frame"],
-        verdict=Verdict(row["verdict"]),
+        verdict=row["verdict"],
+        role=Role(row["role"]),
         node=row["node"],
-        gate=gate,
-        match=None,
-        centroid=centroid,
-        run=row["run"],
+        match=match,
         events=tuple(
             NodeEvent(EventKind(event["kind"]), event["node"], event["into"], tuple(event["frames"]))
             for event in row["event"]
         ),
-        active=row["active"],
-        pending=row["pending"],
-        margin=margin,
-        merge_ratio=row["merge_ratio"],
+        comparisons=tuple(
+            Comparison(**{**one, "values": tuple(one["values"]), "of": tuple(one["of"])}) for one in row["comparisons"]
+        ),
+        measured={column.name: value for column in columns if (value := row[column.name]) is not None},
     )
+
+
+def frame_from_row(row: dict[str, Any]) -> Frame:
+    """Return what a row of the steps table says of its image, which is not to be read any more."""
+    yaw = np.nan if row["yaw"] is None else row["yaw"]
+    pose = None if row["x"] is None or row["y"] is None else Pose(row["x"], row["y"], yaw)
+    return Frame(_NO_PATH, row["file"], row["time"], pose, row["room"])
+
+
+def read_steps(steps: pl.DataFrame, columns: Iterable[Column]) -> Iterator[tuple[Step, Frame]]:
+    """Yield every row of a steps table as a step and its frame; see `step_from_row`."""
+    own = list(columns)
+    for row in steps.with_columns(pl.col("time").cast(pl.Int64)).iter_rows(named=True):
+        yield step_from_row(row, own), frame_from_row(row)
 
 
 def final_map(steps: pl.DataFrame, nodes: pl.DataFrame) -> FinalMap:
@@ -163,6 +163,22 @@ def transitions_frame(final: FinalMap) -> pl.DataFrame:
     """Return the transitions table of the final map."""
     edges = sorted(count_transitions(final.labels).items())
     return pl.DataFrame([(a, b, count) for (a, b), count in edges], schema=TRANSITIONS, orient="row")
+
+
+def _comparison_row(one: Comparison) -> dict[str, Any]:
+    """Return a comparison as a row; a mapper may have compared whole numbers."""
+    return {
+        "gate": one.gate,
+        "values": [float(value) for value in one.values],
+        "of": list(one.of),
+        "threshold": float(one.threshold),
+        "reaches": one.reaches,
+        "low": float(one.low),
+        "high": float(one.high),
+        "parameter": one.parameter,
+        "floor": float(one.floor),
+        "counts": one.counts,
+    }
 
 
 def _event_row(event: NodeEvent) -> dict[str, Any]:

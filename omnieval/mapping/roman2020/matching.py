@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.mapping.conditions import prominence, similarities
 from omnieval.mapping.memory import ImageMemory
-from omnieval.mapping.step import Match
+from omnieval.mapping.roman2020.conditions import prominence, similarities
+from omnieval.mapping.roman2020.evidence import ImageMatch
 
 
 def match_image(
@@ -23,7 +23,7 @@ def match_image(
     candidates: Iterable[int],
     *,
     prominence_mean: Literal["peaks", "candidates"],
-) -> Match:
+) -> ImageMatch:
     """Compare an image with all images of the candidate nodes.
 
     Parameters
@@ -37,7 +37,7 @@ def match_image(
     candidates
         Ids of the nodes to compare with, ascending, at least one.
     prominence_mean
-        What the mean prominence is taken over; see `MapperConfig`.
+        What the mean prominence is taken over; see `Roman2020Settings`.
     """
     chosen = list(candidates)
     starts, total = {}, 0
@@ -56,7 +56,7 @@ def match_image(
     similarity = position * orientation
     best = int(similarity.argmax())
     measured = prominence(similarity, slots, total, best)
-    return Match(
+    return ImageMatch(
         frames=frames,
         slots=slots,
         map_size=total,

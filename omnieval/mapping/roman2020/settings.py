@@ -13,13 +13,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Covariance = Literal["diagonal", "ledoit-wolf", "ridge", "pinv", "identity"]
 Split = Literal["chronological", "interleaved", "random"]
-Gate = Literal["two-sided", "one-sided"]
+Sides = Literal["two-sided", "one-sided"]
 
 SMALLEST_NODE = 10
 
 
-class MapperConfig(BaseModel):
-    """Parameters of `Mapper`, validated and frozen."""
+class Roman2020Settings(BaseModel):
+    """Parameters of `Roman2020`, validated and frozen."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -45,11 +45,11 @@ class MapperConfig(BaseModel):
         "insertion",
         description="when mu_ns and sigma_ns are fitted: anew at every insertion, or once, at the node's creation",
     )
-    node_gate: Gate = Field(
+    node_gate: Sides = Field(
         "two-sided",
         description="node-level gate: |Delta - mu_ns| <= x sigma_ns (Eq. 4), or without the modulus",
     )
-    merge_gate: Gate = Field(
+    merge_gate: Sides = Field(
         "one-sided",
         description="merging gate: Delta <= mu_ns + y sigma_ns, or |Delta - mu_ns| <= y sigma_ns (Eq. 11 literally)",
     )

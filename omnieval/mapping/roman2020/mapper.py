@@ -7,16 +7,16 @@ Omnidirectional Imaging*, Appl. Sci. 2020, 10(18), 6480, doi 10.3390/app10186480
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError
-from omnieval.mapping.bank import NodeBank
-from omnieval.mapping.conditions import (
+from omnieval.mapping.interface import BranchingMapper
+from omnieval.mapping.journal import Journal
+from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
+from omnieval.mapping.roman2020.conditions import (
     centroid_bound,
     centroid_shift,
     gate_floor,
@@ -24,33 +24,22 @@ from omnieval.mapping.conditions import (
     mean_distance,
     mean_pairwise_distance,
 )
-from omnieval.mapping.config import Gate, MapperConfig
-from omnieval.mapping.journal import Journal, smallest_margin
-from omnieval.mapping.matching import match_image
-from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
-from omnieval.mapping.node import Node, fit_node, grow_node
-from omnieval.mapping.step import (
-    Centroid,
-    EventKind,
-    FinalMap,
-    Match,
-    NodeEvent,
-    NodeGate,
-    Placement,
-    Step,
-    Verdict,
-)
+from omnieval.mapping.roman2020.evidence import COLUMNS, CURVES, GATES, ROLES, Centroid, ImageMatch, NodeGate, Verdict
+from omnieval.mapping.roman2020.matching import match_image
+from omnieval.mapping.roman2020.node import Node, NodeBank, fit_node, grow_node
+from omnieval.mapping.roman2020.settings import PRESETS, Roman2020Settings, Sides
+from omnieval.mapping.step import Comparison, Curves, EventKind, FinalMap, Match, NodeEvent, Number, Placement, Step
 
 
-class Mapper:
-    """Groups images into nodes, each image looked at once, as it comes.
+class Roman2020(BranchingMapper):
+    """Groups images into nodes by the method of Román et al.
 
-    Arrays in, decisions out: the mapper opens no file and depends on nothing but its configuration and the
-    descriptions it was given, in their order.
+    Arrays in, decisions out: the mapper opens no file and depends on nothing but its settings and the descriptions it
+    was given, in their order.
 
     Parameters
     ----------
-    config
+    settings
         Parameters of the method.
     images
         The images, where several mappers share them; see `sweep`.
@@ -60,50 +49,43 @@ class Mapper:
     >>> import numpy as np
     >>> from omnieval.descriptors.description import Description
     >>> rng = np.random.default_rng(0)
-    >>> mapper = Mapper(MapperConfig(n_init=10, n_new=10))
+    >>> mapper = Roman2020(Roman2020Settings(n_init=10, n_new=10))
     >>> for _ in range(30):
     ...     step = mapper.step(Description(rng.random(4, np.float32), rng.random((8, 2), np.float32)))
     >>> step.frame
     29
     """
 
-    def __init__(self, config: MapperConfig | None = None, images: ImageMemory | None = None) -> None:
-        self.config = config or MapperConfig()
-        self._images = ImageMemory() if images is None else images
+    name = "roman2020"
+    Settings = Roman2020Settings
+    presets = PRESETS
+    gates = GATES
+    columns = COLUMNS
+    curves = CURVES
+    swept = ("omega", "merge_y", "gamma", "n_new")
+
+    def __init__(self, settings: Roman2020Settings | None = None, images: ImageMemory | None = None) -> None:
+        super().__init__(settings, images)
         self._nodes: dict[int, Node] = {}
         self._active = NodeBank([])
         self._run: list[int] = []
         self._created = 0
         self._placements: list[Placement] = []
 
-    def fork(self, config: MapperConfig) -> Mapper:
-        """Return a mapper with the same past and another configuration; the images are shared."""
-        other = copy(self)
-        other.config = config
-        other._nodes = dict(self._nodes)
-        other._run = list(self._run)
-        other._placements = list(self._placements)
-        return other
-
-    def expect(self, descriptions: Sequence[Description]) -> None:
-        """Prepare for the descriptions that come next; a hint, which saves time and changes no step."""
-        self._images.expect(descriptions)
-
-    def step(self, description: Description) -> Step:
-        """Decide about the next image.
-
-        Raises
-        ------
-        ConfigError
-            If the description's arrays are not finite or not shaped like the earlier ones.
-        """
-        return self.decide(self._images.append(description))
+    def too_short(self, images: int) -> str | None:
+        """See `Mapper.too_short`."""
+        if images >= self.settings.n_init:
+            return None
+        return (
+            f"the first node needs n_init = {self.settings.n_init} images but there are only {images}; lower n_init "
+            "or give a longer sequence"
+        )
 
     def decide(self, frame: int) -> Step:
         """Decide about the next image, which is among the images already."""
         self._placements.append(Placement.UNASSIGNED)
         journal = Journal()
-        if frame < self.config.n_init:
+        if frame < self.settings.n_init:
             return self._initial_step(frame, journal)
         examination = self._examine(frame, journal)
         verdict = examination.verdict
@@ -133,18 +115,15 @@ class Mapper:
             If there were fewer images than the first node needs.
         """
         placements = list(self._placements)
-        if len(placements) < self.config.n_init:
-            raise ConfigError(
-                f"the first node needs n_init = {self.config.n_init} images but there are only {len(placements)}; "
-                "lower n_init or give a longer sequence"
-            )
+        if fault := self.too_short(len(placements)):
+            raise ConfigError(fault)
         labels = np.zeros(len(placements), np.int64)
         for node in self._nodes.values():
             labels[node.frames] = node.id
         if placed is None:
             placed = {}
             for block in blocks(self.leftovers, AHEAD):
-                self._images.anticipate(block)
+                self.images.anticipate(block)
                 placed |= {frame: self.place(frame, Journal()) for frame in block}
         for frame, (label, placement) in placed.items():
             labels[frame], placements[frame] = label, placement
@@ -163,7 +142,7 @@ class Mapper:
 
     def place(self, frame: int, journal: Journal) -> tuple[int, Placement]:
         """Return the node a leftover ends in and how; the map stays as it is."""
-        if self.config.leftovers == "unassigned":
+        if self.settings.leftovers == "unassigned":
             return 0, Placement.UNASSIGNED
         examination = self._examine(frame, journal)
         if examination.verdict is Verdict.ASSIGNED:
@@ -177,23 +156,23 @@ class Mapper:
 
     def _examine(self, frame: int, journal: Journal) -> _Examination:
         """Hold an image against the active nodes: gate, match, prominence, centroid."""
-        config = self.config
+        settings = self.settings
         gate = self._gate(frame, journal)
         candidates = gate.candidates.tolist()
         if not candidates:
             return _Examination(Verdict.NO_CANDIDATE, gate)
         match = self._match(frame, candidates)
-        journal.compare_best(match, [len(self._nodes[node].frames) for node in candidates])
+        _compare_best(journal, match, candidates, [len(self._nodes[node].frames) for node in candidates])
         if match.peaks >= 2:
-            journal.reach("prominence", match.prominence_ratio, config.gamma, parameter="gamma")
-            prominent = match.prominence_ratio >= config.gamma
+            prominent = journal.reach("prominence", match.prominence_ratio, settings.gamma, parameter="gamma")
         else:
-            prominent = config.single_peak == "accept"
+            journal.reach("peaks", match.peaks, 2, counts=True)
+            prominent = settings.single_peak == "accept"
         if not prominent:
             return _Examination(Verdict.PROMINENCE, gate, match)
         node = self._nodes[match.node]
         centroid = Centroid(
-            shift=centroid_shift(self._images.position(frame), node.representative, len(node.frames)),
+            shift=centroid_shift(self.images.position(frame), node.representative, len(node.frames)),
             bound=centroid_bound(node.squared_radii),
         )
         journal.compare("centroid", [centroid.shift], centroid.bound)
@@ -202,44 +181,45 @@ class Mapper:
 
     def _gate(self, frame: int, journal: Journal) -> NodeGate:
         """Node-level loop closure (Eq. 4)."""
-        ratios = self._active.ratios(self._images.position(frame))
-        if self.config.node_gate == "two-sided":
+        ratios = self._active.ratios(self.images.position(frame))
+        if self.settings.node_gate == "two-sided":
             ratios = np.abs(ratios)
         floor = gate_floor(len(self._active.ids))
-        gate = NodeGate(gate_threshold(self.config.omega, len(self._active.ids)), self._active.ids, ratios)
-        journal.compare("node", ratios.tolist(), gate.x, parameter="omega", floor=floor)
+        gate = NodeGate(gate_threshold(self.settings.omega, len(self._active.ids)), self._active.ids, ratios)
+        nodes = self._active.ids.tolist()
+        journal.compare("node", ratios.tolist(), gate.x, of=nodes, parameter="omega", floor=floor)
         return gate
 
-    def _match(self, frame: int, candidates: Iterable[int]) -> Match:
+    def _match(self, frame: int, candidates: Iterable[int]) -> ImageMatch:
         members = {node.id: node.frames for node in self._nodes.values()}
-        return match_image(self._images, frame, members, candidates, prominence_mean=self.config.prominence_mean)
+        return match_image(self.images, frame, members, candidates, prominence_mean=self.settings.prominence_mean)
 
     def _first_pending(self, frame: int, x: float, journal: Journal) -> int | None:
         """Return the nearest pending node whose gate lets the image in."""
-        position, active = self._images.position(frame), self._active.ids.tolist()
+        position, active = self.images.position(frame), self._active.ids.tolist()
         ratios = {node.id: node.ratio(position) for node in self._nodes.values() if node.id not in active}
-        nearest = _Nearest(ratios, self.config.node_gate, x)
+        nearest = _Nearest(ratios, self.settings.node_gate, x)
         floor = gate_floor(len(active))
-        journal.compare("pending", nearest.tested, x, parameter="omega", floor=floor, between=nearest.between)
+        nearest.note(journal, "pending", parameter="omega", floor=floor)
         return nearest.node
 
     # -- changing the map ---------------------------------------------------------------------------------
 
     def _initial_step(self, frame: int, journal: Journal) -> Step:
         self._run.append(frame)
-        if len(self._run) == self.config.n_init:
+        if len(self._run) == self.settings.n_init:
             self._create(journal)
         self._placements[frame] = Placement.FOUNDING
         return self._report(frame, Verdict.INITIAL, 1, 0, journal, None)
 
     def _refuse(self, frame: int, verdict: Verdict, journal: Journal) -> tuple[int | None, int]:
         """Leave the image unassigned and make a node of the run when it is long enough (section 4.5)."""
-        if self.config.run_counts == "no-candidate" and verdict is not Verdict.NO_CANDIDATE:
+        if self.settings.run_counts == "no-candidate" and verdict is not Verdict.NO_CANDIDATE:
             return None, len(self._run)
         self._run.append(frame)
         run = len(self._run)
-        journal.reach("run", run, self.config.n_new, parameter="n_new")
-        return (self._create(journal) if run >= self.config.n_new else None), run
+        full = journal.reach("run", run, self.settings.n_new, parameter="n_new", counts=True)
+        return (self._create(journal) if full else None), run
 
     def _create(self, journal: Journal) -> int:
         """Make a node of the run; return the node its images end in."""
@@ -259,14 +239,14 @@ class Mapper:
         old = self._nodes[node]
         # The match has just compared the image with its candidates; a pending node is small.
         known = placement is Placement.LOOP_CLOSURE
-        squared = np.square(self._images.compare(frame, old.frames).position) if known else None
-        self._put(grow_node(old, frame, self._images.positions, self.config, squared_distances=squared))
+        squared = np.square(self.images.compare(frame, old.frames).position) if known else None
+        self._put(grow_node(old, frame, self.images.positions, self.settings, squared_distances=squared))
         return self._settle(node, journal, created=False)
 
     def _fit(self, node: int, frames: NDArray[np.int64]) -> None:
         old = self._nodes.get(node)
-        keep = old.gate if old is not None and self.config.gate_refit == "creation" else None
-        self._put(fit_node(node, frames, self._images.positions(frames), self.config, gate=keep))
+        keep = old.gate if old is not None and self.settings.gate_refit == "creation" else None
+        self._put(fit_node(node, frames, self.images.positions(frames), self.settings, gate=keep))
 
     def _put(self, node: Node) -> None:
         self._nodes[node.id] = node
@@ -275,7 +255,7 @@ class Mapper:
 
     def _settle(self, node: int, journal: Journal, *, created: bool) -> int:
         """After a node was created or has grown: merge it, or test its activation (sections 4.5 and 4.6)."""
-        always = self.config.merge_when == "always"
+        always = self.settings.merge_when == "always"
         while created or always:
             into = self._merge_target(node, journal)
             if into is None:
@@ -300,10 +280,10 @@ class Mapper:
 
     def _merge_target(self, node: int, journal: Journal) -> int | None:
         """Return the active node that absorbs this one (Eq. 11)."""
-        representative, y = self._nodes[node].representative, self.config.merge_y
+        representative, y = self._nodes[node].representative, self.settings.merge_y
         ratios = {other.id: other.ratio(representative) for other in self._others(node)}
-        nearest = _Nearest(ratios, self.config.merge_gate, y)
-        journal.compare("merge", nearest.tested, y, parameter="merge_y", between=nearest.between)
+        nearest = _Nearest(ratios, self.settings.merge_gate, y)
+        nearest.note(journal, "merge", parameter="merge_y")
         return nearest.node
 
     def _stands_apart(self, node: int, journal: Journal) -> bool:
@@ -314,8 +294,7 @@ class Mapper:
         representatives = np.stack([other.representative for other in others])
         distance = mean_distance(self._nodes[node].representative, representatives)
         bound = mean_pairwise_distance(representatives)
-        journal.reach("activation", distance, bound)
-        return distance >= bound
+        return journal.reach("activation", distance, bound)
 
     def _report(
         self,
@@ -326,21 +305,62 @@ class Mapper:
         journal: Journal,
         examination: _Examination | None,
     ) -> Step:
+        match = examination.match if examination else None
         return Step(
             frame=frame,
-            verdict=verdict,
+            verdict=verdict.value,
+            role=ROLES[verdict],
             node=node,
-            gate=examination.gate if examination else None,
-            match=examination.match if examination else None,
-            centroid=examination.centroid if examination else None,
-            run=run,
+            match=Match(match.best_frame, match.node, match.shift) if match else None,
             events=tuple(journal.events),
-            active=len(self._active.ids),
-            pending=len(self._nodes) - len(self._active.ids),
-            margin=smallest_margin(journal.comparisons, self.config),
-            merge_ratio=journal.first("merge"),
             comparisons=tuple(journal.comparisons),
+            measured=_measured(examination, journal, run),
+            curves=_curves(match, self.settings.gamma) if match else None,
         )
+
+
+def _measured(examination: _Examination | None, journal: Journal, run: int) -> dict[str, Number]:
+    """Return what the columns of the method hold."""
+    measured: dict[str, Number] = {"run": run, "merge_ratio": journal.first("merge")}
+    if examination is None:
+        return measured
+    if examination.gate.nodes.size:
+        measured["x_gate"] = examination.gate.x
+    if match := examination.match:
+        measured["similarity_position"] = float(match.position[match.best])
+        measured["similarity_orientation"] = float(match.orientation[match.best])
+        measured["similarity"] = float(match.similarity[match.best])
+        measured["prominence"] = match.prominence
+        measured["prominence_mean"] = match.prominence_mean
+        measured["prominence_ratio"] = match.prominence_ratio
+        measured["peaks"] = match.peaks
+    if centroid := examination.centroid:
+        measured["centroid_shift"] = centroid.shift
+        measured["centroid_bound"] = centroid.bound
+    return measured
+
+
+def _curves(match: ImageMatch, gamma: float) -> Curves:
+    """Return the similarity curves of a match; the level is the base of its peak plus gamma times the mean."""
+    level = None
+    if match.peaks >= 2:
+        level = 1.0 + (gamma * match.prominence_mean - match.prominence) / float(match.similarity[match.best])
+    values = dict(zip(CURVES, (match.similarity, match.position, match.orientation), strict=True))
+    return Curves(match.frames, match.slots, match.map_size, values, match.best, level)
+
+
+def _compare_best(journal: Journal, match: ImageMatch, nodes: Sequence[int], sizes: Sequence[int]) -> None:
+    """Note how much more similar the best image is than the best one of any other candidate node.
+
+    `sizes` are the numbers of images of the candidate `nodes`, in the order of the match.
+    """
+    if len(sizes) < 2:
+        return
+    starts = np.cumsum([0, *sizes[:-1]])
+    best_of = np.maximum.reduceat(match.similarity, starts)
+    second, first = np.argsort(best_of, kind="stable")[-2:].tolist()
+    value, threshold = float(best_of[second]), float(best_of[first])
+    journal.comparisons.append(Comparison("match", (value,), threshold, value, np.inf, of=(nodes[second],)))
 
 
 @dataclass(frozen=True)
@@ -349,7 +369,7 @@ class _Examination:
 
     verdict: Verdict
     gate: NodeGate
-    match: Match | None = None
+    match: ImageMatch | None = None
     centroid: Centroid | None = None
 
     @property
@@ -364,22 +384,31 @@ class _Nearest:
 
     Attributes
     ----------
-    tested
-        What was compared with the threshold, by ascending node.
     node
         The nearest node; None when none is let in.
-    between
-        Between which thresholds it is this node.
     """
 
-    def __init__(self, ratios: Mapping[int, float], gate: Gate, threshold: float) -> None:
+    def __init__(self, ratios: Mapping[int, float], gate: Sides, threshold: float) -> None:
         nodes = sorted(ratios)
+        self._nodes, self._threshold = nodes, threshold
         compared = {node: abs(ratios[node]) if gate == "two-sided" else ratios[node] for node in nodes}
-        self.tested = list(compared.values())
+        self._tested = list(compared.values())
         self.node = min((node for node in nodes if compared[node] <= threshold), key=ratios.__getitem__, default=None)
         low, bar = -np.inf, np.inf
         if self.node is not None:
             low, bar = compared[self.node], ratios[self.node]
         # A node that is let in later matters only if it is nearer.
         refused = (compared[node] for node in nodes if compared[node] > threshold and ratios[node] <= bar)
-        self.between = low, min(refused, default=np.inf)
+        self._between = low, min(refused, default=np.inf)
+
+    def note(self, journal: Journal, gate: str, *, parameter: str, floor: float = -np.inf) -> None:
+        """Note what was compared."""
+        journal.compare(
+            gate,
+            self._tested,
+            self._threshold,
+            of=self._nodes,
+            parameter=parameter,
+            floor=floor,
+            between=self._between,
+        )

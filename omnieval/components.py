@@ -1,0 +1,488 @@
+"""Descriptors and mappers by name, by place, or as objects, each with an identity of its own.
+
+A component is named on the command line, in files and from Python by
+
+- a name: ``hog``, ``leader``, or one that an installed package registers under the entry points `GROUPS`,
+- ``package.module:Class``,
+- ``path/file.py:Class``.
+
+Its **identity** is its name, its settings, a digest of its source code and one of its weights: equal identities make
+the same of the same input. The source code is the component's module and the modules of the same package (or folder,
+for a file) that it imports, directly or not.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import json
+import marshal
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal
+
+from pydantic import BaseModel
+
+from omnieval.errors import ConfigError, ResultError
+from omnieval.wording import did_you_mean, shown
+
+Kind = Literal["descriptor", "mapper"]
+
+BUILT_IN: dict[Kind, dict[str, str]] = {
+    "descriptor": {"hog": "omnieval.descriptors.hog:Hog", "gist": "omnieval.descriptors.gist:Gist"},
+    "mapper": {
+        "roman2020": "omnieval.mapping.roman2020.mapper:Roman2020",
+        "leader": "omnieval.mapping.leader:Leader",
+    },
+}
+"""Components that come with omnieval, the default first, by their place, so that each is imported when it is used."""
+
+GROUPS: dict[Kind, str] = {"descriptor": "omnieval.descriptors", "mapper": "omnieval.mappers"}
+"""Entry points under which installed packages register theirs."""
+
+_WORK: dict[Kind, str] = {"descriptor": "describe", "mapper": "step"}
+"""What makes a class one of its kind."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """A descriptor or mapper with its settings, known by its identity.
+
+    Attributes
+    ----------
+    kind
+        What it is.
+    name
+        What it is called in tables.
+    spec
+        What names its class: see the module. None for an object whose class nothing else can find again.
+    settings
+        Its parameters, as plain values.
+    code
+        Digest of its source code.
+    weights
+        Digest of the file of its weights; None if it has none.
+    given
+        The object it was made from, if it was one.
+    """
+
+    kind: Kind
+    name: str
+    spec: str | None
+    settings: dict[str, Any]
+    code: str
+    weights: str | None = None
+    given: Any = field(default=None, compare=False, repr=False)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What determines all that it makes of an input, as plain values."""
+        return {"name": self.name, "settings": self.settings, "code": self.code, "weights": self.weights}
+
+    @property
+    def is_default(self) -> bool:
+        """Whether it is what is taken where nobody chooses."""
+        return self.spec == next(iter(BUILT_IN[self.kind]))
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What ``run.json`` says of it."""
+        return {"name": self.name, "spec": self.spec, **self.identity, "identity": digest_of(self.identity)}
+
+    @property
+    def typed_settings(self) -> Any:
+        """Its settings as its class wants them; the plain values if it does not say."""
+        if self.given is not None:
+            return getattr(self.given, "settings", None) or self.settings
+        model = settings_model(self.cls)
+        return model.model_validate(self.settings) if model else self.settings
+
+    @property
+    def cls(self) -> Any:
+        """Its class.
+
+        Raises
+        ------
+        ConfigError
+            If it cannot be found.
+        """
+        if self.given is not None:
+            return type(self.given)
+        if self.spec is None:
+            raise ConfigError(f"the {self.kind} {self.name} was an object that no file or package names; give it again")
+        return find_class(self.kind, self.spec)
+
+    def make(self, **more: Any) -> Any:
+        """Return a new object of it (the one it was made from, if it was one); `more` goes to its constructor.
+
+        Raises
+        ------
+        ConfigError
+            If it cannot be found or made.
+        """
+        if self.given is not None:
+            return self.given
+        cls = self.cls
+        return _construct(cls, self.kind, self.spec or self.name, *_arguments(cls, self.settings), **more)
+
+    def fresh(self, **more: Any) -> Any:
+        """Return a new object, also where it was made from one: of the same class with the same settings.
+
+        Raises
+        ------
+        ConfigError
+            If it cannot be found or made.
+        """
+        if self.given is None:
+            return self.make(**more)
+        return _construct(type(self.given), self.kind, self.name, *_arguments(type(self.given), self.settings), **more)
+
+    def again(self) -> Component:
+        """Return the component as it can be made now.
+
+        Raises
+        ------
+        ResultError
+            If it cannot be made any more, or has another identity than this one.
+        """
+        if self.given is not None:
+            return self
+        try:
+            now = resolve_component(self.kind, self.spec or "", self.settings) if self.spec else None
+        except ConfigError as error:
+            raise ResultError(f"the {self.kind} {self.name} cannot be made again: {error}") from error
+        if now is None:
+            raise ResultError(
+                f"the {self.kind} {self.name} was an object that no file or package names, so it cannot be made again"
+            )
+        if now.identity != self.identity:
+            changed = ", ".join(key for key, value in self.identity.items() if now.identity[key] != value)
+            raise ResultError(f"the {self.kind} {self.name} is not what it was ({changed} changed); replay it again")
+        return now
+
+    @staticmethod
+    def of_run(kind: Kind, about: Mapping[str, Any]) -> Component:
+        """Return the component that ``run.json`` tells of; nothing is imported for it."""
+        return Component(
+            kind, about["name"], about["spec"], dict(about["settings"]), about["code"], about.get("weights")
+        )
+
+
+def known(kind: Kind) -> list[str]:
+    """Return the names of all components of a kind that are installed, the default first."""
+    registered = {entry.name for entry in entry_points(group=GROUPS[kind])}
+    return [*BUILT_IN[kind], *sorted(registered - set(BUILT_IN[kind]))]
+
+
+def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | None = None) -> Component:
+    """Return a component by what names it, or of an object or class.
+
+    Parameters
+    ----------
+    kind
+        What is wanted.
+    chosen
+        See the module; or an object, or a class.
+    settings
+        Values by the names of its parameters; the rest keep their defaults.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such component, or it is none of its kind.
+    pydantic.ValidationError
+        If a setting is unknown or invalid.
+    """
+    if isinstance(chosen, Component):
+        return chosen
+    if not isinstance(chosen, str) and not inspect.isclass(chosen):
+        return _of_object(kind, chosen)
+    spec = chosen if isinstance(chosen, str) else _spec_of(chosen)
+    cls = find_class(kind, chosen) if isinstance(chosen, str) else chosen
+    _check(kind, cls, str(chosen))
+    model = settings_model(cls)
+    if model is not None:
+        plain = model.model_validate(dict(settings or {})).model_dump(mode="json")
+        weights = _weights(cls, kind, spec or cls.__name__, plain)
+        return Component(kind, name_of(cls), spec, plain, code_digest(cls), weights)
+    made = _construct(cls, kind, spec or cls.__name__, *_arguments(cls, settings or {}))
+    component = _of_object(kind, made)
+    if isinstance(chosen, str) or spec is not None:
+        return Component(kind, component.name, spec, component.settings, component.code, component.weights)
+    return component
+
+
+def find_class(kind: Kind, spec: str) -> Any:
+    """Return the class that a text names; see the module.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or importing it fails.
+    """
+    place = BUILT_IN[kind].get(spec)
+    if place is None and ":" not in spec:
+        entry = next((entry for entry in entry_points(group=GROUPS[kind]) if entry.name == spec), None)
+        if entry is None:
+            hint = did_you_mean(spec, known(kind))
+            raise ConfigError(
+                f"unknown {kind} {shown(spec)!r}; {hint}; one of your own is package.module:Class or path/file.py:Class"
+            )
+        place = entry.value
+    where, _, name = (place or spec).rpartition(":")
+    if not where or not name:
+        raise ConfigError(f"{kind} {shown(spec)!r}: expected package.module:Class or path/file.py:Class")
+    module = _module_of_file(kind, spec, Path(where)) if where.endswith(".py") else _module(kind, spec, where)
+    try:
+        found = module
+        for part in name.split("."):
+            found = getattr(found, part)
+    except AttributeError as error:
+        classes = [one for one, value in vars(module).items() if inspect.isclass(value)]
+        hint = did_you_mean(name, classes, otherwise="it has no class")
+        raise ConfigError(f"{kind} {shown(spec)!r}: {where} has no {name}; {hint}") from error
+    _check(kind, found, spec)
+    return found
+
+
+def settings_model(cls: Any) -> type[BaseModel] | None:
+    """Return the model of a component's parameters; None if it declares none."""
+    model = getattr(cls, "Settings", None)
+    return model if inspect.isclass(model) and issubclass(model, BaseModel) else None
+
+
+def digest_of(content: Any) -> str:
+    """Return a digest of plain values."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def code_digest(cls: Any) -> str:
+    """Return the digest of the source code of a class: of its module, and of what this imports from beside it."""
+    module = sys.modules.get(cls.__module__)
+    file = getattr(module, "__file__", None)
+    if file is None or not Path(file).is_file():
+        return digest_of(_own_source(cls))
+    return files_digest(tuple(sorted(_closure(Path(file), cls.__module__))), _root(Path(file), cls.__module__))
+
+
+def files_digest(files: tuple[Path, ...], root: Path) -> str:
+    """Return a digest of source files and of their places below `root`."""
+    return digest_of([[file.relative_to(root).as_posix(), file.read_text("utf-8", "replace")] for file in files])
+
+
+@cache
+def module_digest(name: str) -> str:
+    """Return the digest of a module of this package and of those that it imports."""
+    file = importlib.util.find_spec(name)
+    assert file is not None
+    assert file.origin is not None
+    path = Path(file.origin)
+    return files_digest(tuple(sorted(_closure(path, name))), _root(path, name))
+
+
+def _of_object(kind: Kind, given: Any) -> Component:
+    cls = type(given)
+    _check(kind, cls, cls.__name__)
+    settings = getattr(given, "settings", None)
+    if isinstance(settings, BaseModel):
+        settings = settings.model_dump(mode="json")
+    elif not isinstance(settings, Mapping):
+        settings = {name: value for name, value in vars(given).items() if not name.startswith("_") and _plain(value)}
+    settings = dict(settings)
+    if not _plain(settings):
+        raise ConfigError(f"the settings of {kind} {name_of(given)} must be plain values that JSON can hold")
+    weights = _file_digest(getattr(given, "weights", None))
+    return Component(kind, name_of(given), _spec_of(cls), settings, code_digest(cls), weights, given)
+
+
+def _check(kind: Kind, cls: Any, what: str) -> None:
+    if not callable(getattr(cls, _WORK[kind], None)) or not inspect.isclass(cls):
+        raise ConfigError(f"{shown(what)} is no {kind}: a {kind} is a class with a method {_WORK[kind]}")
+
+
+def _arguments(cls: Any, settings: Mapping[str, Any]) -> tuple[Any, ...]:
+    model = settings_model(cls)
+    return (model.model_validate(dict(settings)),) if model else ()
+
+
+def _construct(cls: Any, kind: Kind, what: str, *arguments: Any, **more: Any) -> Any:
+    try:
+        return cls(*arguments, **more)
+    except TypeError as error:
+        raise ConfigError(
+            f"{kind} {shown(what)} cannot be made: {error}; it must take one object of its Settings, or nothing"
+        ) from error
+
+
+def _weights(cls: Any, kind: Kind, what: str, settings: Mapping[str, Any]) -> str | None:
+    """Return the digest of the weights of a class with settings; only one that says so has any."""
+    if not hasattr(cls, "weights"):
+        return None
+    return _file_digest(getattr(_construct(cls, kind, what, *_arguments(cls, settings)), "weights", None))
+
+
+def _file_digest(file: Any) -> str | None:
+    if file is None:
+        return None
+    try:
+        with Path(file).open("rb") as stream:
+            return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+    except OSError as error:
+        raise ConfigError(f"cannot read the weights {file}: {error.strerror or error}") from error
+
+
+def name_of(component: Any) -> str:
+    """Return the name a component gives itself; else that of its class, in the form names have."""
+    name = getattr(component, "name", None)
+    if isinstance(name, str) and name:
+        return name
+    cls = component if inspect.isclass(component) else type(component)
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", cls.__name__).lower()
+
+
+def _plain(value: Any) -> bool:
+    try:
+        json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _spec_of(cls: Any) -> str | None:
+    """Return what names a class; None where only this process knows it."""
+    for places in BUILT_IN.values():
+        for name, place in places.items():
+            if place == f"{cls.__module__}:{cls.__qualname__}":
+                return name
+    module = sys.modules.get(cls.__module__)
+    if "<locals>" in cls.__qualname__ or module is None:
+        return None
+    file = getattr(module, "__file__", None)
+    if cls.__module__ == "__main__" or cls.__module__.startswith(_PREFIX):
+        return f"{Path(file).resolve()}:{cls.__qualname__}" if file is not None else None
+    return f"{cls.__module__}:{cls.__qualname__}"
+
+
+def _module(kind: Kind, spec: str, name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except Exception as error:  # whatever the code of others raises when it is run
+        raise ConfigError(f"{kind} {shown(spec)!r} cannot be imported: {type(error).__name__}: {error}") from error
+
+
+_PREFIX = "omnieval_component_"
+
+
+def _module_of_file(kind: Kind, spec: str, file: Path) -> ModuleType:
+    """Return the module of a file; another one when the file has changed."""
+    path = file.expanduser().resolve()
+    try:
+        name = _PREFIX + digest_of([str(path), path.read_text("utf-8", "replace")])
+    except OSError as error:
+        raise ConfigError(f"{kind} {shown(spec)!r}: cannot read {path}: {error.strerror or error}") from error
+    if name in sys.modules:
+        return sys.modules[name]
+    found = importlib.util.spec_from_file_location(name, path)
+    assert found is not None
+    assert found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    sys.modules[name] = module
+    sys.path.insert(0, str(path.parent))  # as where a script is run: it may import what lies beside it
+    try:
+        found.loader.exec_module(module)
+    except Exception as error:  # whatever the code of others raises when it is run
+        del sys.modules[name]
+        raise ConfigError(f"{kind} {shown(spec)!r} cannot be imported: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path.remove(str(path.parent))
+    return module
+
+
+def _root(file: Path, module: str) -> Path:
+    """Return the folder above which no source file belongs to a component: of its package, or of its file."""
+    levels = 0 if module == "__main__" or module.startswith(_PREFIX) else module.count(".")
+    if file.name == "__init__.py":
+        levels += 1
+    folder = file.parent
+    for _ in range(levels):
+        folder = folder.parent
+    return folder
+
+
+def _closure(file: Path, module: str) -> set[Path]:
+    """Return a source file and all below its root that it imports, directly or not."""
+    root = _root(file, module)
+    inside = module.partition(".")[0] if "." in module else None
+    found: set[Path] = set()
+    waiting = [file]
+    while waiting:
+        one = waiting.pop()
+        if one not in found:
+            found.add(one)
+            waiting += [path for name in _imports(one, root) for path in _files(name, root, inside)]
+    return found
+
+
+def _imports(file: Path, root: Path) -> tuple[str, ...]:
+    """Return the names that a source file imports; one that has not changed is not read again."""
+    status = file.stat()
+    return _imports_of(file, root, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=4096)
+def _imports_of(file: Path, root: Path, *state: int) -> tuple[str, ...]:
+    del state
+    return tuple(_imported(file, root))
+
+
+def _imported(file: Path, root: Path) -> Iterator[str]:
+    """Yield the names that a source file imports, as modules or from them, but for the type checker alone."""
+    try:
+        tree = ast.parse(file.read_text("utf-8", "replace"))
+    except SyntaxError:
+        return
+    package = file.relative_to(root).parent.parts
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            waiting += node.orelse
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join([*above, *((node.module or "").split(".") if node.module else ())])
+            yield base
+            yield from (f"{base}.{alias.name}" if base else alias.name for alias in node.names)
+        waiting += ast.iter_child_nodes(node)
+
+
+def _files(name: str, root: Path, inside: str | None) -> Iterator[Path]:
+    """Yield the source file of a module, if it lies below the root."""
+    parts = name.split(".")
+    if not name or (inside is not None and parts[0] != inside):
+        return
+    path = root.joinpath(*parts)
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if file.is_file() and file != root / (inside or "") / "__init__.py":
+            yield file
+
+
+def _own_source(cls: Any) -> Any:
+    """Return the source of a class that has no file, such as one of a notebook; its compiled code if that is all."""
+    try:
+        return inspect.getsource(cls)
+    except (OSError, TypeError):
+        functions = {name: value for name, value in vars(cls).items() if inspect.isfunction(value)}
+        return {name: hashlib.blake2b(marshal.dumps(one.__code__)).hexdigest() for name, one in functions.items()}
