@@ -131,8 +131,7 @@ class Component:
         """
         if self.given is not None:
             return self.given
-        cls = self.cls
-        return _construct(cls, self.kind, self.spec or self.name, *_arguments(cls, self.settings), **more)
+        return _instance(self.cls, self.kind, self.spec or self.name, self.settings, **more)
 
     def fresh(self, **more: Any) -> Any:
         """Return a new object, also where it was made from one: of the same class with the same settings.
@@ -144,7 +143,7 @@ class Component:
         """
         if self.given is None:
             return self.make(**more)
-        return _construct(type(self.given), self.kind, self.name, *_arguments(type(self.given), self.settings), **more)
+        return _instance(type(self.given), self.kind, self.name, self.settings, **more)
 
     def again(self) -> Component:
         """Return the component as it can be made now.
@@ -214,8 +213,7 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
         plain = model.model_validate(dict(settings or {})).model_dump(mode="json")
         weights = _weights(cls, kind, spec or cls.__name__, plain)
         return Component(kind, name_of(cls), spec, plain, code_digest(cls), weights)
-    made = _construct(cls, kind, spec or cls.__name__, *_arguments(cls, settings or {}))
-    component = _of_object(kind, made)
+    component = _of_object(kind, _instance(cls, kind, spec or cls.__name__, settings or {}))
     if isinstance(chosen, str) or spec is not None:
         return Component(kind, component.name, spec, component.settings, component.code, component.weights)
     return component
@@ -290,15 +288,20 @@ def module_digest(name: str) -> str:
     return files_digest(tuple(sorted(_closure(path, name))), _root(path, name))
 
 
+def plain_settings(given: Any) -> dict[str, Any]:
+    """Return the settings of an object as plain values; where it says none, its public attributes that are plain."""
+    settings = getattr(given, "settings", None)
+    if isinstance(settings, BaseModel):
+        return settings.model_dump(mode="json")
+    if isinstance(settings, Mapping):
+        return dict(settings)
+    return {name: value for name, value in vars(given).items() if not name.startswith("_") and _plain(value)}
+
+
 def _of_object(kind: Kind, given: Any) -> Component:
     cls = type(given)
     _check(kind, cls, cls.__name__)
-    settings = getattr(given, "settings", None)
-    if isinstance(settings, BaseModel):
-        settings = settings.model_dump(mode="json")
-    elif not isinstance(settings, Mapping):
-        settings = {name: value for name, value in vars(given).items() if not name.startswith("_") and _plain(value)}
-    settings = dict(settings)
+    settings = plain_settings(given)
     if not _plain(settings):
         raise ConfigError(f"the settings of {kind} {name_of(given)} must be plain values that JSON can hold")
     weights = _file_digest(getattr(given, "weights", None))
@@ -310,9 +313,21 @@ def _check(kind: Kind, cls: Any, what: str) -> None:
         raise ConfigError(f"{shown(what)} is no {kind}: a {kind} is a class with a method {_WORK[kind]}")
 
 
-def _arguments(cls: Any, settings: Mapping[str, Any]) -> tuple[Any, ...]:
+def _instance(cls: Any, kind: Kind, what: str, settings: Mapping[str, Any], **more: Any) -> Any:
+    """Return a new object with these settings; a class that declares no `Settings` may take them as keywords."""
     model = settings_model(cls)
-    return (model.model_validate(dict(settings)),) if model else ()
+    if model is not None:
+        return _construct(cls, kind, what, model.model_validate(dict(settings)), **more)
+    made = None if settings and _takes(cls, settings) else _construct(cls, kind, what, **more)
+    return _construct(cls, kind, what, **settings, **more) if made is None else made
+
+
+def _takes(cls: Any, settings: Mapping[str, Any]) -> bool:
+    try:
+        inspect.signature(cls).bind_partial(**settings)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _construct(cls: Any, kind: Kind, what: str, *arguments: Any, **more: Any) -> Any:
@@ -328,7 +343,7 @@ def _weights(cls: Any, kind: Kind, what: str, settings: Mapping[str, Any]) -> st
     """Return the digest of the weights of a class with settings; only one that says so has any."""
     if not hasattr(cls, "weights"):
         return None
-    return _file_digest(getattr(_construct(cls, kind, what, *_arguments(cls, settings)), "weights", None))
+    return _file_digest(getattr(_instance(cls, kind, what, settings), "weights", None))
 
 
 def _file_digest(file: Any) -> str | None:

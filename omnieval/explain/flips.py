@@ -10,13 +10,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from omnieval.explain.decision import BestMatch, Decision
-from omnieval.explain.words import counted
-from omnieval.mapping.conditions import gate_threshold
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.step import Centroid, EventKind, NodeGate
+from omnieval.explain.words import distinct, subject
+from omnieval.mapping.interface import Gate, Method
+from omnieval.mapping.step import Comparison, Step
 
-_LARGEST_OMEGA = 100.0
 _DIGITS = 3
 _PLAIN = 1e6
 """Numbers from here on are written with an exponent."""
@@ -29,11 +26,11 @@ class Flip:
     Attributes
     ----------
     gate
-        Which one, by the names of `Margin`.
+        Which one.
     passed
         Which way it went.
     value, threshold
-        What was compared; None where the evidence does not hold it.
+        What was compared.
     parameter
         The parameter that sets the threshold; None if none does.
     needed
@@ -44,86 +41,66 @@ class Flip:
 
     gate: str
     passed: bool
-    value: float | None
-    threshold: float | None
+    value: float
+    threshold: float
     parameter: str | None
     needed: float | None
     text: str
 
 
-def flips(decision: Decision, config: MapperConfig) -> tuple[Flip, ...]:
-    """Return what would have turned each comparison of a step, in the order in which they were made."""
-    found: list[Flip] = []
-    gate, match = decision.gate, decision.match
-    if gate is not None and len(gate.nodes):
-        found.append(_let_in(gate) if match is None else _shut_out(gate, match))
-    if match is not None:
-        found.append(_prominence(match, config))
-    if decision.centroid is not None:
-        found.append(_centroid(decision.centroid))
-    merging = _merging(decision, config)
-    return (*found, merging) if merging is not None else tuple(found)
+def flips(step: Step, method: Method) -> tuple[Flip, ...]:
+    """Return what would have turned each comparison of a step, in the order in which they were made.
+
+    Those that neither a parameter sets nor a loop closure depends on are left out.
+    """
+    found = [
+        (one, _flip(step, one, method))
+        for one in step.comparisons
+        if one.parameter is not None or (method.gate(one.gate).closes and not one.counts)
+    ]
+    # Of a count that no setting turns there is nothing to say: it goes on counting.
+    return tuple(flip for one, flip in found if flip.needed is not None or not one.counts)
 
 
-def _let_in(gate: NodeGate) -> Flip:
-    """Say what would make the nearest node a candidate when none is (Eq. 4)."""
-    nearest = int(gate.ratios.argmin())
-    node, ratio = int(gate.nodes[nearest]), float(gate.ratios[nearest])
-    possible = ratio <= _LARGEST_OMEGA
-    need = f"omega >= {_up(ratio)}" if possible else f"omega >= {ratio:.3g}, more than can be set,"
+def refusing_first(found: tuple[Flip, ...]) -> list[Flip]:
+    """Return flips with those of the gates that refused before the others, which a refused image would still pass."""
+    return sorted(found, key=lambda flip: flip.passed)
+
+
+def _flip(step: Step, comparison: Comparison, method: Method) -> Flip:
+    one = subject(step, comparison)
+    value = comparison.best if one is None else comparison.values[comparison.of.index(one)]
+    gate, threshold = method.gate(comparison.gate), comparison.threshold
+    passed = value >= threshold if comparison.reaches else value <= threshold
+    outcome = (gate.refusing if passed else gate.passing).format(one=one)
+    parameter = comparison.parameter
+    if parameter is None:
+        text = _without_parameter(comparison, gate, value, outcome)
+        return Flip(comparison.gate, passed, value, threshold, None, None, text)
+    # Strictly beyond the value, or up to it: whichever turns the comparison.
+    at_most = comparison.reaches is not passed
+    sign = ("<=" if comparison.reaches else "<") if at_most else (">" if comparison.reaches else ">=")
+    if at_most and not comparison.reaches and value <= comparison.floor:
+        text = f"no {parameter} would {outcome}: {gate.threshold} is {comparison.floor:.6g} or more"
+        return Flip(comparison.gate, passed, value, threshold, parameter, None, text)
+    low, high = method.ranges.get(parameter, (-math.inf, math.inf))
+    written = _down(value) if at_most else _up(value)
+    if not low <= value <= high:
+        text = f"{parameter} {sign} {written}, {'less' if at_most else 'more'} than can be set, would {outcome}"
+        return Flip(comparison.gate, passed, value, threshold, parameter, None, text)
     return Flip(
-        "node", False, ratio, gate.x, "omega", ratio if possible else None, f"{need} would make node {node} a candidate"
+        comparison.gate, passed, value, threshold, parameter, value, f"{parameter} {sign} {written} would {outcome}"
     )
 
 
-def _shut_out(gate: NodeGate, match: BestMatch) -> Flip:
-    """Say what would refuse the node of the best match: x below its ratio (Eq. 4)."""
-    ratio = float(gate.ratios[gate.nodes == match.node][0])
-    least = gate_threshold(0.0, len(gate.nodes))
-    facts = ("node", True, ratio, gate.x, "omega")
-    if ratio > max(least, 0.0):
-        return Flip(*facts, ratio, f"omega < {_down(ratio)} would no longer make node {match.node} a candidate")
-    reason = f"x is {least:.2f} or more" if least > 0.0 else "omega is above 0"
-    active = counted(len(gate.nodes), "active node")
-    return Flip(*facts, None, f"no omega would refuse node {match.node}: with {active} {reason}")
-
-
-def _prominence(match: BestMatch, config: MapperConfig) -> Flip:
-    """Say what would turn the condition that the prominence over its mean reaches gamma (section 4.3)."""
-    ratio, gamma = match.prominence_ratio, config.gamma
-    if match.peaks < 2:
-        passed = config.single_peak == "accept"
-        other = "single_peak=reject would refuse" if passed else "single_peak=accept would pass"
-        peaks = counted(match.peaks, "peak")
-        return Flip("prominence", passed, None, None, "single_peak", None, f"{other} here: {peaks}, nothing to compare")
-    passed = ratio >= gamma
-    facts = ("prominence", passed, ratio, gamma, "gamma", ratio)
-    if passed:
-        return Flip(*facts, f"gamma > {_up(ratio)} would refuse at this gate")
-    return Flip(*facts, f"gamma <= {_down(ratio)} would pass this gate")
-
-
-def _centroid(centroid: Centroid) -> Flip:
-    """Say what would turn the condition that the node's mean shifts no further than the bound (Eq. 9)."""
-    shift, bound = centroid.shift, centroid.bound
-    passed = shift <= bound
-    off = abs(shift - bound) / bound if bound else math.inf
-    way = "refuse: it was" if passed else "pass: it was"
-    side = "below" if passed else "above"
-    words = f"a shift of {'more' if passed else 'no more'} than {bound:.3g} would {way} {100 * off:.2g} % {side}"
-    return Flip("centroid", passed, shift, bound, None, None, f"{words}; no parameter sets this bound")
-
-
-def _merging(decision: Decision, config: MapperConfig) -> Flip | None:
-    """Say what would change whether a new node merges (Eq. 11)."""
-    ratio, merge_y = decision.merge_ratio, config.merge_y
-    if ratio is None or EventKind.CREATED not in {event.kind for event in decision.events}:
-        return None
-    merged = ratio <= merge_y
-    words = (
-        f"< {_down(ratio)} would keep the new node apart" if merged else f">= {_up(ratio)} would let the new node merge"
+def _without_parameter(comparison: Comparison, gate: Gate, value: float, outcome: str) -> str:
+    threshold = comparison.threshold
+    off = abs(value - threshold) / abs(threshold) if threshold else math.inf
+    side = "below" if value < threshold else "above"
+    return (
+        f"{gate.value} {distinct(value, threshold)} on the other side of {gate.threshold} {distinct(threshold, value)} "
+        f"would {outcome}: it was {100 * off:.2g} % {side}; no parameter sets it"
     )
-    return Flip("merge", merged, ratio, merge_y, "merge_y", ratio, f"merge_y {words}")
 
 
 def _down(value: float) -> str:

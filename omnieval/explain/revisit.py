@@ -6,20 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omnieval.explain.capture import Capture
+from omnieval.datasets.sequence import Frame
 from omnieval.mapping.partition import Partition
 
 NEAR_METRES = 1.0
 """Capture points up to so far apart are taken for the same place."""
 
+AGO_STEPS = 20
+"""Steps after which a place counts as left: the last images are near by whether it is met again or not."""
+
 
 @dataclass(frozen=True, slots=True)
 class Revisit:
-    """The image of an active node that was taken nearest to a new one, images of the current run left out.
+    """The image of an active node that was taken nearest to a new one, the last images left out.
 
     Attributes
     ----------
-    capture
+    frame, image
         The earlier image.
     node
         Its node at that step.
@@ -27,7 +30,8 @@ class Revisit:
         Metres between the two capture points.
     """
 
-    capture: Capture
+    frame: int
+    image: Frame
     node: int
     distance: float
 
@@ -43,30 +47,30 @@ class Revisits:
     Parameters
     ----------
     ago
-        Least number of steps between the two: the last images are near by whether a place is revisited or not.
+        Least number of steps between the two.
     """
 
-    def __init__(self, ago: int) -> None:
+    def __init__(self, ago: int = AGO_STEPS) -> None:
         self._ago = ago
-        self._captures: list[Capture] = []
+        self._images: list[Frame] = []
         self._positions = np.full((64, 2), np.nan)
 
-    def find(self, capture: Capture, before: Partition) -> Revisit | None:
+    def find(self, image: Frame, before: Partition) -> Revisit | None:
         """Return the image that the next one revisits; None if there is none with a known position.
 
         Parameters
         ----------
-        capture
+        image
             The next image.
         before
             The map as it was when the image came.
         """
-        frame = len(self._captures)
+        frame = len(self._images)
         if frame == len(self._positions):
             self._positions = np.concatenate([self._positions, np.full_like(self._positions, np.nan)])
-        here = np.array([np.nan if value is None else value for value in (capture.x, capture.y)])
+        here = np.full(2, np.nan) if image.pose is None else np.array([image.pose.x, image.pose.y])
         self._positions[frame] = here
-        self._captures.append(capture)
+        self._images.append(image)
         count = max(frame - self._ago + 1, 0)
         labels = before.labels[:count]
         distances = np.linalg.norm(self._positions[:count] - here, axis=1)
@@ -74,4 +78,4 @@ class Revisits:
         if not np.isfinite(distances).any():
             return None
         nearest = int(distances.argmin())
-        return Revisit(self._captures[nearest], int(labels[nearest]), float(distances[nearest]))
+        return Revisit(nearest, self._images[nearest], int(labels[nearest]), float(distances[nearest]))

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import polars as pl
 
-from omnieval.config import Config
+from omnieval.datasets.sequence import Frame
 from omnieval.errors import ResultError
-from omnieval.explain.capture import Capture
-from omnieval.explain.decision import BestMatch, Decision, decision, shift_degrees
 from omnieval.explain.flips import Flip, flips
-from omnieval.explain.page import Line, final_text, lines
+from omnieval.explain.page import Line, lines, placement_text
 from omnieval.explain.revisit import Revisit, Revisits
-from omnieval.mapping.config import MapperConfig
+from omnieval.explain.scene import Scene
+from omnieval.mapping.interface import Method
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Placement, Step
 from omnieval.results.run_folder import Run
-from omnieval.results.tables import step_from_row
+from omnieval.results.tables import read_steps
 from omnieval.wording import did_you_mean, shown
 
 
@@ -33,32 +29,22 @@ class Explanation:
 
     Attributes
     ----------
-    decision
+    scene
         The step with its surroundings.
     flips
         What would have turned each comparison.
     node_final, placement
         Where the image ended and how it came there; None if it belongs to no node, or the run did not reach its end.
-    rooms_final
-        Rooms of that node with the shares of its images.
-    images_final
-        Number of its images.
+    images_final, rooms_final
+        Number of that node's images, and its rooms with their shares of them.
     """
 
-    decision: Decision
+    scene: Scene
     flips: tuple[Flip, ...]
     node_final: int | None
     placement: Placement | None
-    images_final: int | None
-    rooms_final: tuple[tuple[str, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Past:
-    """Of a step: the node its best match was in (0 without one), and the image it revisits."""
-
-    best_node: int
-    revisit: Revisit | None
+    images_final: int | None = None
+    rooms_final: tuple[tuple[str, float], ...] = ()
 
 
 class RunExplainer:
@@ -72,15 +58,14 @@ class RunExplainer:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self._steps = run.steps
-        if self._steps.is_empty():
+        self._table = run.steps
+        if self._table.is_empty():
             raise ResultError(f"{run.folder} has no steps; replay the sequence again")
-        settings = run.manifest["configuration"]
-        self.config = Config.model_validate(settings).mapper
+        self.method: Method = run.method
         self._cells: int | None = run.manifest.get("orientation_cells")
 
     def __len__(self) -> int:
-        return len(self._steps)
+        return len(self._table)
 
     def find(self, step: str) -> int:
         """Return the number of a step that is named by itself or by its image file.
@@ -92,7 +77,7 @@ class RunExplainer:
         """
         if step.removeprefix("-").isascii() and step.removeprefix("-").isdigit():
             return self._checked(int(step))
-        files = self._steps["file"].to_list()
+        files = self._table["file"].to_list()
         named = [frame for frame, file in enumerate(files) if step in (file, file.rsplit("/", 1)[-1])]
         if len(named) == 1:
             return named[0]
@@ -111,69 +96,41 @@ class RunExplainer:
         ResultError
             If the run has no such step.
         """
-        row = self._steps.row(self._checked(frame), named=True)
-        decided = decision(step_from_row(row), self.capture(frame), self.match(frame), self._past[frame].revisit)
+        scene = self.scene(self._checked(frame))
+        node, placement = self._table.select("node_final", "placement").row(frame)
         return Explanation(
-            decision=decided,
-            flips=flips(decided, self.config),
-            node_final=row["node_final"],
-            placement=Placement(row["placement"]) if row["placement"] is not None else None,
-            **self._final_node(row["node_final"]),
+            scene,
+            flips(scene.step, self.method),
+            node,
+            Placement(placement) if placement is not None else None,
+            **self._final_node(node),
         )
 
-    def decisions(self) -> Iterator[tuple[Step, Decision]]:
-        """Yield every step, without its match, and the same with its surroundings, in their order."""
-        for row in self._steps.iter_rows(named=True):
-            step = step_from_row(row)
-            frame = step.frame
-            yield step, decision(step, self.capture(frame), self.match(frame), self._past[frame].revisit)
+    def scenes(self) -> Iterator[Scene]:
+        """Yield every step with its surroundings, in their order."""
+        return map(self.scene, range(len(self)))
 
-    def capture(self, frame: int) -> Capture:
-        """Return what is known of the image of a step."""
-        row = self._captures.row(frame, named=True)
-        return Capture(**row)
-
-    def match(self, frame: int) -> BestMatch | None:
-        """Return the best match of a step; None without candidate."""
-        row = self._steps.row(frame, named=True)
-        if row["best_frame"] is None:
-            return None
-        here, best = self.capture(frame), self.capture(row["best_frame"])
-        return BestMatch(
-            capture=best,
-            node=self._past[frame].best_node,
-            distance=here.distance(best),
-            shift=row["shift"],
-            shift_degrees=shift_degrees(row["shift"], self._cells),
-            position=row["similarity_position"],
-            orientation=row["similarity_orientation"],
-            similarity=row["similarity"],
-            prominence=row["prominence"],
-            prominence_mean=row["prominence_mean"],
-            prominence_ratio=row["prominence_ratio"],
-            peaks=row["peaks"],
-        )
+    def scene(self, frame: int) -> Scene:
+        """Return a step with its surroundings."""
+        step, image = self._steps[frame]
+        best = self._steps[step.match.frame][1] if step.match is not None else None
+        return Scene(step, image, best, self._revisits[frame], self._cells)
 
     @cached_property
-    def _captures(self) -> pl.DataFrame:
-        return self._steps.select(
-            "frame", "file", pl.col("time").cast(pl.Int64).alias("time_ns"), "x", "y", "yaw", "room"
-        )
+    def _steps(self) -> list[tuple[Step, Frame]]:
+        return list(read_steps(self._table, self.method.columns))
 
     @cached_property
-    def _past(self) -> list[_Past]:
-        """What the map was when each step was taken, as far as explanations need it."""
-        partition, revisits, past = Partition(), Revisits(self.config.n_new), []
-        for row in self._steps.iter_rows(named=True):
-            best = row["best_frame"]
-            node = int(partition.labels[best]) if best is not None else 0
-            past.append(_Past(node, revisits.find(self.capture(row["frame"]), partition)))
-            partition.apply(step_from_row(row))
-        return past
+    def _revisits(self) -> list[Revisit | None]:
+        partition, revisits, found = Partition(), Revisits(), []
+        for step, image in self._steps:
+            found.append(revisits.find(image, partition))
+            partition.apply(step)
+        return found
 
     def _final_node(self, node: int | None) -> dict[str, Any]:
         if node is None:
-            return {"images_final": None, "rooms_final": ()}
+            return {}
         row = self._run.nodes.filter(pl.col("id") == node).row(0, named=True)
         rooms = tuple((share["room"], share["share"]) for share in row["rooms"] or ())
         return {"images_final": row["images"], "rooms_final": rooms}
@@ -184,26 +141,11 @@ class RunExplainer:
         return frame
 
 
-def explanation_lines(explanation: Explanation, config: MapperConfig) -> list[Line]:
+def explanation_lines(explanation: Explanation, method: Method) -> list[Line]:
     """Return an explanation as lines of a page: what was compared, and what the end made of the image."""
-    text = final_text(explanation.node_final, explanation.placement)
-    page = [*lines(explanation.decision, config), ("final map", text)]
+    text = placement_text(explanation.node_final, explanation.placement)
+    page = [*lines(explanation.scene, method), ("final map", text)]
     if explanation.images_final is not None:
         rooms = ", ".join(f"{room} {100 * share:.0f} %" for room, share in explanation.rooms_final)
         page.append(("", f"that node: {explanation.images_final} images{f', {rooms}' if rooms else ''}"))
     return page
-
-
-def plain(value: Any) -> Any:
-    """Return a record as JSON knows it: records become objects, what is not finite becomes null."""
-    if isinstance(value, Enum):
-        return value.value
-    if hasattr(value, "__dataclass_fields__"):
-        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    if isinstance(value, dict):
-        return {name: plain(item) for name, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple | frozenset):
-        return [plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,95 +1,67 @@
-"""Decisions and events in words that say why."""
+"""Decisions, comparisons and events in words that say why, whatever the mapper."""
 
 from __future__ import annotations
 
-from typing import Protocol
-
-from omnieval.mapping.step import Centroid, EventKind, FinalMap, NodeEvent, NodeGate, Placement, Verdict
+from omnieval.mapping.interface import Method
+from omnieval.mapping.step import Comparison, EventKind, FinalMap, NodeEvent, Placement, Role, Step
 
 _MOST_DIGITS = 17
+_PLAIN = 1e6
+"""Numbers from here on are written with an exponent."""
 
 
-class MatchedImage(Protocol):
-    """What the words need of a match; `Match` and `BestMatch` have it."""
-
-    @property
-    def best_frame(self) -> int:
-        """Number of the most similar image."""
-        ...
-
-    @property
-    def node(self) -> int:
-        """Its node."""
-        ...
-
-    @property
-    def peaks(self) -> int:
-        """Peaks of the similarity curve."""
-        ...
-
-    @property
-    def prominence_ratio(self) -> float:
-        """Prominence over its mean."""
-        ...
+def decision_text(step: Step, method: Method) -> str:
+    """Say what became of an image and why, in one line, e.g. ``refused (prominence): ... 3.1 < gamma 5``."""
+    if step.role is Role.FOUNDING:
+        return f"{step.verdict} image of node {step.node}"
+    if step.role is Role.JOINED:
+        best = f": best image {step.match.frame}" if step.match else ""
+        reason = deciding(step, method)
+        return f"joined node {step.node}{best}{f', {_reason(step, reason, method)}' if reason else ''}"
+    refused = deciding(step, method)
+    why = f": {_reason(step, refused, method)}" if refused else ""
+    if step.role is Role.PENDING:
+        return f"joined pending node {step.node}; active nodes refused{why}"
+    return f"refused ({step.verdict}){why}" if step.role is Role.REFUSED else f"{step.verdict}{why}"
 
 
-class Decided(Protocol):
-    """What the words need of a step; `Step` and `Decision` have it."""
-
-    @property
-    def verdict(self) -> Verdict:
-        """What became of the image."""
-        ...
-
-    @property
-    def node(self) -> int | None:
-        """Its node after the step."""
-        ...
-
-    @property
-    def gate(self) -> NodeGate | None:
-        """Node-level loop closure."""
-        ...
-
-    @property
-    def match(self) -> MatchedImage | None:
-        """Image-level loop closure."""
-        ...
-
-    @property
-    def centroid(self) -> Centroid | None:
-        """The centroid condition."""
-        ...
-
-    @property
-    def run(self) -> int:
-        """Length of the run of unassigned images."""
-        ...
+def deciding(step: Step, method: Method) -> Comparison | None:
+    """Return the comparison that decided about the loop closure: the last of those that an image must pass for it."""
+    asked = [one for one in step.comparisons if method.gate(one.gate).closes]
+    if step.role is not Role.JOINED:
+        asked = [one for one in asked if not one.passed]
+    return asked[-1] if asked else None
 
 
-def decision_text(step: Decided, gamma: float) -> str:
-    """Say what became of an image and why.
+def subject(step: Step, comparison: Comparison) -> int | None:
+    """Return the node or image that a comparison was about: the one that was chosen, else the nearest to passing."""
+    if not comparison.of:
+        return None
+    chosen = [one for one in (step.match.node if step.match else None, step.node) if one in comparison.of]
+    if comparison.passed and chosen:
+        return chosen[0]
+    return comparison.of[comparison.values.index(comparison.best)]
 
-    Parameters
-    ----------
-    step
-        The step.
-    gamma
-        The factor of the prominence condition.
 
-    Returns
-    -------
-    str
-        One line, e.g. ``refused: prominence 3.1 x mean < 5``.
-    """
-    if step.verdict is Verdict.INITIAL:
-        return f"initial image of node {step.node}"
-    if step.verdict is Verdict.ASSIGNED and step.match is not None:
-        return f"joined node {step.match.node}: best image {step.match.best_frame}, {_prominence(step.match)}"
-    if step.verdict is Verdict.PENDING:
-        return f"joined pending node {step.node}; active nodes: {_refusal(step, gamma)}"
-    run = f" ({step.run} unassigned in a row)" if step.run > 1 else ""
-    return _refusal(step, gamma) + run
+def comparison_text(step: Step, comparison: Comparison, method: Method) -> str:
+    """Say what was compared and what came of it, of one value."""
+    text = _reason(step, comparison, method)
+    if not method.gate(comparison.gate).closes:
+        return text
+    return f"{text}: {'passed' if comparison.passed else 'refused'}"
+
+
+def threshold_text(comparison: Comparison, method: Method) -> str:
+    """Say what a threshold is and where it comes from, e.g. ``x = max(omega 2.3, 2.15) = 2.3``."""
+    name, value = method.gate(comparison.gate).threshold, f"{comparison.threshold:.6g}"
+    parameter = comparison.parameter
+    if parameter is None or parameter == name:
+        return f"{name} {value}"
+    given = method.settings.get(parameter)
+    inner = f"{parameter} {given:g}" if isinstance(given, int | float) else parameter
+    if comparison.floor > float("-inf"):
+        inner = f"max({inner}, {comparison.floor:.6g})"
+    return f"{name} = {inner} = {value}"
 
 
 def event_text(event: NodeEvent) -> str:
@@ -101,13 +73,24 @@ def event_text(event: NodeEvent) -> str:
     return f"node {event.node} became active"
 
 
-def final_text(final: FinalMap) -> str:
+def map_text(final: FinalMap) -> str:
     """Say what the map has become when the sequence has ended."""
     counts = {placement: final.placements.count(placement) for placement in Placement}
     return (
         f"final map: {len(final.nodes)} nodes, {len(final.active)} active; leftovers: "
         f"{counts[Placement.RETEST]} accepted, {counts[Placement.FORCED]} forced, "
         f"{counts[Placement.UNASSIGNED]} unassigned"
+    )
+
+
+def margin_text(step: Step, method: Method) -> str:
+    """Say which comparison was nearest to going the other way, and how near it was."""
+    margin = step.margin
+    if margin is None:
+        return "none: nothing was compared"
+    gate = method.gate(margin.gate)
+    return (
+        f"{margin.value:.2g} ({margin.gate}): nearest to going the other way was {gate.value} against {gate.threshold}"
     )
 
 
@@ -127,38 +110,31 @@ def counted(number: int, thing: str) -> str:
     return f"1 {thing}" if number == 1 else f"{number} {thing}s"
 
 
-def distinct(value: float, threshold: float, digits: int) -> str:
-    """Write `value` with so many decimals, or more if it would else read like the threshold it differs from."""
-    while value != threshold and f"{value:.{digits}f}" == f"{threshold:.{digits}f}" and digits < _MOST_DIGITS:
+def distinct(value: float, threshold: float) -> str:
+    """Write `value` with three digits, or more if it would else read like the threshold it differs from.
+
+    Examples
+    --------
+    >>> distinct(4.9906, 5.0), distinct(4.9999, 5.0), distinct(5.0, 5.0)
+    ('4.99', '4.9999', '5')
+    """
+    digits = 3
+    while value != threshold and f"{value:.{digits}g}" == f"{threshold:.{digits}g}" and digits < _MOST_DIGITS:
         digits += 1
-    return f"{value:.{digits}f}"
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e" in text and abs(value) < _PLAIN and abs(value) >= 1 else text
 
 
-def _refusal(step: Decided, gamma: float) -> str:
-    """Say which condition of the active nodes the image failed."""
-    if step.match is None:
-        return f"no candidate: {_nearest(step.gate)}"
-    if step.centroid is None:
-        if step.match.peaks < 2:
-            return f"refused: {_peaks(step.match)} on the similarity curve, too few to stand out"
-        return f"refused: prominence {distinct(step.match.prominence_ratio, gamma, 1)} x mean < {gamma:g}"
-    shift, bound = step.centroid.shift, step.centroid.bound
-    return f"refused: centroid shift {distinct(shift, bound, 4)} > bound {distinct(bound, shift, 4)}"
+def _reason(step: Step, comparison: Comparison, method: Method) -> str:
+    one = subject(step, comparison)
+    value = comparison.best if one is None else comparison.values[comparison.of.index(one)]
+    gate, threshold = method.gate(comparison.gate), comparison.threshold
+    whose = "" if one is None or gate.of is None else f" of {gate.of} {one}"
+    passed, refused = (">=", "<") if comparison.reaches else ("<=", ">")
+    sign = passed if (value >= threshold if comparison.reaches else value <= threshold) else refused
+    return f"{gate.value}{whose} {distinct(value, threshold)} {sign} {threshold_name(comparison, method, value)}"
 
 
-def _nearest(gate: NodeGate | None) -> str:
-    if gate is None or not len(gate.nodes):
-        return "no active node"
-    nearest = gate.ratios.argmin()
-    ratio = float(gate.ratios[nearest])
-    return f"nearest node {gate.nodes[nearest]} at {distinct(ratio, gate.x, 2)} > x = {gate.x:g}"
-
-
-def _prominence(match: MatchedImage) -> str:
-    if match.peaks < 2:
-        return f"{_peaks(match)}, nothing to compare its prominence with"
-    return f"prominence {match.prominence_ratio:.1f} x mean"
-
-
-def _peaks(match: MatchedImage) -> str:
-    return counted(match.peaks, "peak")
+def threshold_name(comparison: Comparison, method: Method, value: float) -> str:
+    """Say what a threshold is, with as many digits as tell it from `value`."""
+    return f"{method.gate(comparison.gate).threshold} {distinct(comparison.threshold, value)}"

@@ -91,6 +91,8 @@ class Method(BaseModel):
     ----------
     name, settings
         What it is called, and its parameters.
+    ranges
+        Between what its numbers can be set.
     gates, columns, curves
         The words of its evidence (`Mapper`).
     """
@@ -99,6 +101,7 @@ class Method(BaseModel):
 
     name: str
     settings: dict[str, Any] = {}
+    ranges: dict[str, tuple[float, float]] = {}
     gates: tuple[Gate, ...] = ()
     columns: tuple[Column, ...] = ()
     curves: tuple[str, ...] = ()
@@ -107,7 +110,8 @@ class Method(BaseModel):
     def of(mapper: Any, name: str, settings: Mapping[str, Any]) -> Method:
         """Return what a mapper, or its class, declares; one that declares nothing has no words of its own."""
         gates, columns, curves = (getattr(mapper, word, ()) for word in ("gates", "columns", "curves"))
-        return Method(name=name, settings=dict(settings), gates=gates, columns=columns, curves=curves)
+        ranges = _ranges(getattr(mapper, "Settings", NoSettings))
+        return Method(name=name, settings=dict(settings), ranges=ranges, gates=gates, columns=columns, curves=curves)
 
     def gate(self, name: str) -> Gate:
         """Return a gate by its name; one that was not declared is called by its name and has nothing else to say."""
@@ -117,7 +121,18 @@ class Method(BaseModel):
     @property
     def about(self) -> dict[str, Any]:
         """The words as plain values."""
-        return self.model_dump(mode="json", include={"gates", "columns", "curves"})
+        return self.model_dump(mode="json", include={"ranges", "gates", "columns", "curves"})
+
+
+def _ranges(model: type[BaseModel]) -> dict[str, tuple[float, float]]:
+    """Return between what each number with limits can be set."""
+    found = {}
+    for name, field in model.model_fields.items():
+        low = [getattr(rule, bound) for rule in field.metadata for bound in ("gt", "ge") if hasattr(rule, bound)]
+        high = [getattr(rule, bound) for rule in field.metadata for bound in ("lt", "le") if hasattr(rule, bound)]
+        if low and high:
+            found[name] = (float(low[0]), float(high[0]))
+    return found
 
 
 class Mapper(ABC):

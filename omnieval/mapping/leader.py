@@ -37,7 +37,7 @@ class Leader(BranchingMapper):
     gates = (
         Gate(
             name="distance",
-            value="distance to the node's mean over the median distance of neighbours",
+            value="relative distance",
             threshold="radius",
             passing="let it join node {one}",
             refusing="keep it out of node {one}",

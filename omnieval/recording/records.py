@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from omnieval.errors import ConfigError
-from omnieval.explain.capture import Capture
+
 from omnieval.mapping.interface import Method
 from omnieval.mapping.step import Step
 
