@@ -1,8 +1,8 @@
 """The axes of an ablation, and the configurations of their grid.
 
-An axis varies one parameter of `omnieval.config.parameters`, or the components: ``mapper`` and ``descriptor``. A parameter
-that only some of these have is varied for those. Values are numbers as ``first:last:step`` (the last
-one included) or lists; decimals are exact, so that ``1.7:2.3:0.15`` is 1.7, 1.85, 2.0, 2.15, 2.3.
+An axis varies one parameter of `omnieval.config.parameters`, or the components: ``mapper`` and ``descriptor``. A
+parameter that only some of these have is varied for those. Values are numbers as ``first:last:step`` (the last one
+included) or lists; decimals are exact, so that ``1.7:2.3:0.15`` is 1.7, 1.85, 2.0, 2.15, 2.3.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def value_of(config: Config, name: str) -> Any:
 
 @dataclass(frozen=True)
 class _Grid:
-    """The points of one mapper and one descriptor, with what concerns these of the axes, the settings and the preset."""
+    """The points of one mapper and one descriptor, with what concerns these of axes, settings and preset."""
 
     components: Mapping[str, Any]
     axes: Sequence[Axis]

@@ -1,4 +1,4 @@
-"""What a sweep comes to: the best and the median run of each sequence, mapper and descriptor, or the pieces of an interval."""
+"""What a sweep comes to: best and median of each sequence, mapper and descriptor, or the pieces of an interval."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def best_and_median(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
 
     Returns
     -------
-    dataset, mapper, descriptor, runs, failed, silhouette and nodes of the best, its varied parameters, batch_silhouette at its
-    number of nodes, and median_silhouette and median_nodes of all.
+    dataset, mapper, descriptor, runs, failed, silhouette and nodes of the best, its varied parameters, batch_silhouette
+    at its number of nodes, and median_silhouette and median_nodes of all.
     """
     named = [name for name in varied if name not in _BY]
     # A run without silhouette is best only where none has one.
