@@ -106,9 +106,7 @@ def _grid(
     # The parameters of an object are what they are, and have no field.
     for config in configs:
         types |= {name: _type_of(value) for name, value in config.settings.items() if name not in types}
-    axes = {
-        name: list(dict.fromkeys(map(lambda config, name=name: value_of(config, name), configs))) for name in varied
-    }
+    axes = {name: list(dict.fromkeys([value_of(config, name) for config in configs])) for name in varied}
     grid = {
         "sources": [one.source for one in inputs],
         "cuts": [[one.cut.start, one.cut.stride, one.cut.limit] for one in inputs],

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 Source = Annotated[
     str,
     typer.Argument(
-        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, descriptors npz:FILE, or a "
-        "path recognised by its content.",
+        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, descriptors npz:FILE, or "
+        "a path recognised by its content.",
         metavar="SOURCE",
     ),
 ]
