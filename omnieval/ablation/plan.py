@@ -9,6 +9,7 @@ from typing import Any
 
 from omnieval.ablation.grid import COMPONENTS, Axis, Span, configurations, value_of
 from omnieval.ablation.jobs import Input, Job
+from omnieval.components import Component
 from omnieval.config import Config, Setting, parameters
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.datasets import load
@@ -111,7 +112,7 @@ def _grid(
         "sources": [one.source for one in inputs],
         "cuts": [[one.cut.start, one.cut.stride, one.cut.limit] for one in inputs],
         "components": {
-            kind: list({str(one): one for config in configs for one in [getattr(config, kind).about]}.values())
+            kind: list({str(one): one for config in configs for one in [_known(getattr(config, kind))]}.values())
             for kind in COMPONENTS
         },
         "axes": {name: [value for value in values if value is not None] for name, values in axes.items()},
@@ -128,6 +129,11 @@ def _grid(
         grid["skipped"] = {one.source: list(one.skipped or ()) for one in inputs}
     plain: dict[str, Any] = json.loads(json.dumps(grid))
     return plain
+
+
+def _known(component: Component) -> dict[str, Any]:
+    """Return what a component is besides its parameters, which are those of the rows."""
+    return {name: value for name, value in component.about.items() if name not in ("settings", "identity")}
 
 
 def _fields(config: Config) -> dict[str, Any]:

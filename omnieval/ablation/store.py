@@ -134,7 +134,7 @@ class Store:
         return self.folder / name
 
 
-def rows_table(rows: Iterable[Mapping[str, Any]]) -> pl.DataFrame:
+def rows_table(rows: Iterable[Mapping[str, Any]], types: Mapping[str, str]) -> pl.DataFrame:
     """Return rows as a table (`schemas.ABLATION`) in the order of the grid; what a row lacks is null."""
     whole = [dict.fromkeys(ABLATION) | dict(row) for row in rows]
     return pl.DataFrame(whole, schema=ABLATION).sort("job", "exact_from")
