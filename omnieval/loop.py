@@ -183,27 +183,18 @@ def run(
             f"{len(material.frames)}; lower n_init or give a longer sequence"
         )
     method = _method(config, mapper)
-    writer = RunWriter(folder, _manifest(material, config, method), overwrite=overwrite)
     mapper = mapper or Mapper(config.mapper, ImageMemory(threads=os.cpu_count() or 1))
-    sink = None
-    try:
-        if recording:
-            from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
-
-            sink = RecordingSink(writer.folder / RECORDING, material, config, recording)
-        return _run(material, config, mapper, method, writer, sink, progress)
-    except KeyboardInterrupt:
-        writer.abandon("interrupted", "interrupted by the user")
-        raise
-    except Exception as error:
-        writer.abandon("failed", str(error))
-        raise
-    finally:
+    with RunWriter(folder, _manifest(material, config, method), overwrite=overwrite) as writer:
+        sink = None
         try:
+            if recording:
+                from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
+
+                sink = RecordingSink(writer.path / RECORDING, material, config, recording)
+            return _run(material, config, mapper, method, writer, sink, progress)
+        finally:
             if sink:
                 sink.close()
-        finally:
-            writer.release()
 
 
 @dataclass
@@ -259,7 +250,7 @@ def _run(
         "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
         "transitions": transitions_frame(final),
     }
-    run = writer.complete(tables, _outcome(material, method, trace, evaluation, seconds))
+    run = writer.finish(tables, _outcome(material, method, trace, evaluation, seconds))
     if sink is None:
         return run
     # Only now, when nothing that happens to the view can touch the record any more.

@@ -28,7 +28,7 @@ from omnieval.loop import replay
 from omnieval.material import image_material
 from omnieval.recording.records import RecordingOptions
 from omnieval.results.content import content_hash
-from omnieval.results.manifest import Manifest
+from omnieval.results.folder import ResultFolder, hold_folder
 from omnieval.results.provenance import code_digest, versions
 from omnieval.results.run_folder import free_folder
 
@@ -63,7 +63,7 @@ class Options(TypedDict, total=False):
     """How an ablation is run; `run_plan` describes each."""
 
     jobs: int
-    out: Path | None
+    out: str | Path | None
     resume: bool
     overwrite: bool
     csv: bool
@@ -117,7 +117,7 @@ def run_plan(
     plan: Plan,
     *,
     jobs: int = 1,
-    out: Path | None = None,
+    out: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
     csv: bool = False,
@@ -169,37 +169,19 @@ def run_plan(
             refuse_bad(sequence, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
     work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
-    begun = _resumed(work) if resume and store.exists() else _created(work, overwrite=overwrite)
-    with begun as (manifest, described):
-        return _finish(work, described, manifest, csv=csv, record_best=record_best)
-
-
-_Begun = Iterator[tuple[Manifest, dict[str, Described]]]
-"""An ablation under way; when the block ends, its folder is closed and let go."""
-
-
-@contextmanager
-def _created(work: _Work, *, overwrite: bool) -> _Begun:
-    manifest = work.store.create(work.guard, overwrite=overwrite)
-    with manifest.closing(), _dropping_descriptors(work.store):
-        described = work.describe()
-        manifest.update(fingerprints(described))
-        yield manifest, described
-
-
-@contextmanager
-def _resumed(work: _Work) -> _Begun:
-    work.store.check(work.guard)
-    try:
+    resume = resume and store.exists()
+    held = store.open(None if resume else work.guard, overwrite=overwrite, resume=resume)
+    with held as folder, _dropping_descriptors(store):
+        if resume:
+            store.check(work.guard)
         described = work.describe()
         prints = fingerprints(described)
-        work.store.check(prints)  # before ``run.json`` is written: if the images are others, it stays as it is
-    except BaseException:
-        work.store.drop_descriptors()
-        raise
-    manifest = work.store.resume(work.guard | prints)
-    with manifest.closing(), _dropping_descriptors(work.store):
-        yield manifest, described
+        if resume:
+            store.check(prints)  # before ``run.json`` is written: if the images are others, it stays as it is
+            folder.begin(work.guard | prints)
+        else:
+            folder.update(prints)
+        return _finish(work, described, folder, csv=csv, record_best=record_best)
 
 
 @contextmanager
@@ -211,7 +193,7 @@ def _dropping_descriptors(store: Store) -> Iterator[None]:
 
 
 def check_options(
-    exact: Span | None, *, jobs: int, out: Path | None, resume: bool, overwrite: bool, keep: bool
+    exact: Span | None, *, jobs: int, out: str | Path | None, resume: bool, overwrite: bool, keep: bool
 ) -> None:
     """Refuse options that contradict each other; `keep` is whether anything of single runs is to be kept.
 
@@ -337,7 +319,7 @@ def _done(parts: Mapping[int, Sequence[Mapping[str, Any]]]) -> set[int]:
 
 
 def _finish(
-    work: _Work, described: Mapping[str, Described], manifest: Manifest, *, csv: bool, record_best: bool
+    work: _Work, described: Mapping[str, Described], folder: ResultFolder, *, csv: bool, record_best: bool
 ) -> Ablation:
     """Run the jobs, write the table and what else was asked for."""
     started = time.perf_counter()
@@ -350,7 +332,7 @@ def _finish(
         job = work.plan.jobs[best]
         out = ablation.folder / BEST
         replay(job.sequence, config=job.config, out=out, overwrite=True, recording=RecordingOptions())
-    manifest.update(
+    folder.complete(
         {
             "jobs": len(table),
             "failed_jobs": ablation.failed,
@@ -367,13 +349,14 @@ def best_run(table: pl.DataFrame) -> int | None:
     return None if scored.is_empty() else int(scored["job"][int(scored["silhouette"].arg_max() or 0)])
 
 
-def job_states(plan: Plan, out: Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:
+def job_states(plan: Plan, out: str | Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:
     """Return every job with ``done``, or why it is not; nothing is written and no image is read."""
     store = Store(out) if out else None
     if store is None or not store.exists():
         return [(job, "not started") for job in plan.jobs]
-    store.check(guard_of(plan, keep_steps=keep_steps))
-    parts = store.parts()
+    with hold_folder(store.folder, KIND):
+        store.check(guard_of(plan, keep_steps=keep_steps))
+        parts = store.parts()
     return [(job, _state(parts.get(job.number))) for job in plan.jobs]
 
 

@@ -12,13 +12,13 @@ import polars as pl
 
 from omnieval.ablation.store import BEST, TABLE, Store, rows_table
 from omnieval.ablation.store import KIND as ABLATION
+from omnieval.benchmark import KIND as BASELINE
+from omnieval.benchmark import TABLE as PARTITIONS
 from omnieval.config import Config, Setting, parameters, resolve
 from omnieval.errors import ResultError
 from omnieval.material import ARCHIVE_SCHEME
 from omnieval.metrics.evaluation import METRICS
 from omnieval.results.manifest import MANIFEST, read_manifest, status_of
-from omnieval.results.partition_folder import KIND as BASELINE
-from omnieval.results.partition_folder import TABLE as PARTITIONS
 from omnieval.results.run_folder import Run, open_run
 
 STEPS = "steps"
