@@ -28,7 +28,7 @@ from omnieval.loop import replay
 from omnieval.material import image_material
 from omnieval.recording.records import RecordingOptions
 from omnieval.results.content import content_hash
-from omnieval.results.folder import ResultFolder, hold_folder
+from omnieval.results.folder import ResultFolder, hold_folder, reason_of
 from omnieval.results.provenance import code_digest, versions
 from omnieval.results.run_folder import free_folder
 
@@ -48,10 +48,14 @@ class JobFailedError(OmnievalError):
 
 @dataclass(frozen=True)
 class Ablation:
-    """An ablation folder and its table (`schemas.ABLATION`)."""
+    """An ablation folder and its table (`schemas.ABLATION`).
+
+    `lacking` says why rows have no ``batch_silhouette`` that could have one.
+    """
 
     folder: Path
     table: pl.DataFrame
+    lacking: str | None = None
 
     @property
     def failed(self) -> int:
@@ -283,32 +287,54 @@ class _Work:
                 if self.progress:
                     self.progress(ended, len(self.plan.jobs))
 
-    def table(self, pool: Executor, described: Mapping[str, Described]) -> pl.DataFrame:
-        """Return all rows, each beside batch clustering with as many clusters as its map has nodes."""
-        rows = self.store.rows()
-        shared: dict[tuple[str, int], set[int]] = {}
+    def with_batch(
+        self, pool: Executor, described: Mapping[str, Described], rows: Sequence[dict[str, Any]]
+    ) -> tuple[pl.DataFrame, str | None]:
+        """Return the rows beside batch clustering with as many clusters as each map has nodes, and why some lack it.
+
+        It compares all images with each other, which may need more memory than there is.
+        """
         of_job = {job.number: (dataset_key(job), job.config.mapper.seed) for job in self.plan.jobs}
+        shared: dict[tuple[str, int], set[int]] = {}
         for row in rows:
             if row.get("nodes"):
                 shared.setdefault(of_job[row["job"]], set()).add(row["nodes"])
         futures = {
-            key: pool.submit(batch_silhouettes, described[key[0]], sorted(ks), key[1]) for key, ks in shared.items()
+            (dataset, seed): _batch(pool, described[dataset], sorted(ks), seed)
+            for (dataset, seed), ks in shared.items()
         }
-        batch = {key: future.result() for key, future in futures.items()}
-        return rows_table(
-            {**row, "batch_silhouette": batch[of_job[row["job"]]][row["nodes"]] if row.get("nodes") else None}
-            for row in rows
+        errors = {key: error for key, future in futures.items() if (error := future.exception())}
+        batch = {key: future.result() for key, future in futures.items() if key not in errors}
+        table = rows_table(
+            {**row, "batch_silhouette": batch.get(of_job[row["job"]], {}).get(row.get("nodes") or 0)} for row in rows
         )
+        return table, "; ".join(dict.fromkeys(_why(error) for error in errors.values())) or None
 
     def _steps_files(self, tree: Sequence[Job]) -> dict[int, Path]:
         return {job.number: self.store.steps_file(job.number) for job in tree if self.keep_steps}
+
+
+def _batch(pool: Executor, described: Described, ks: list[int], seed: int) -> Future[dict[int, float | None]]:
+    """Have batch clustering done; a pool whose processes have been killed already gives its error in the future too."""
+    try:
+        return pool.submit(batch_silhouettes, described, ks, seed)
+    except BrokenExecutor as error:
+        future: Future[dict[int, float | None]] = Future()
+        future.set_exception(error)
+        return future
+
+
+def _why(error: BaseException) -> str:
+    if isinstance(error, BrokenExecutor):
+        return "a worker process was killed, perhaps for want of memory"
+    return reason_of(error)
 
 
 def _by_job(tree: Sequence[Job], future: Future[list[dict[str, Any]]]) -> list[tuple[Job, list[dict[str, Any]]]]:
     """Return the rows of each job of a tree that has ended."""
     error = future.exception()
     if isinstance(error, BrokenExecutor):
-        raise OmnievalError("a worker process was killed, perhaps for want of memory; --resume with fewer --jobs")
+        raise OmnievalError(f"{_why(error)}; --resume with fewer --jobs")
     rows = [failed_row(job, error) for job in tree] if error else future.result()
     return [(job, [row for row in rows if row["job"] == job.number]) for job in tree]
 
@@ -325,9 +351,11 @@ def _finish(
     started = time.perf_counter()
     with workers(work.processes) as pool:
         work.run(pool, described)
-        table = work.table(pool, described)
+        rows = work.store.rows()
+        work.store.write(rows_table(rows), csv=csv)  # what else befalls us, the sweep has its table
+        table, lacking = work.with_batch(pool, described, rows)
     work.store.write(table, csv=csv)
-    ablation = Ablation(work.store.folder, table)
+    ablation = Ablation(work.store.folder, table, lacking)
     if record_best and (best := best_run(table)) is not None:
         job = work.plan.jobs[best]
         out = ablation.folder / BEST
@@ -336,6 +364,7 @@ def _finish(
         {
             "jobs": len(table),
             "failed_jobs": ablation.failed,
+            "null_reasons": {"batch_silhouette": lacking} if lacking else {},
             "content_hashes": {KIND: content_hash(table)},
             "timings": {"seconds": time.perf_counter() - started, "processes": work.processes},
         }
