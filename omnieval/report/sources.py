@@ -15,6 +15,8 @@ import polars as pl
 from omnieval.ablation.grid import COMPONENTS
 from omnieval.ablation.store import BEST, TABLE, Store, rows_table
 from omnieval.ablation.store import KIND as ABLATION
+from omnieval.benchmark import KIND as BASELINE
+from omnieval.benchmark import TABLE as PARTITIONS
 from omnieval.components import Component
 from omnieval.config import Config
 from omnieval.errors import ConfigError, ResultError
@@ -23,8 +25,6 @@ from omnieval.mapping.interface import Method
 from omnieval.material import Cut, Material, held_against, opened, reopened
 from omnieval.metrics.evaluation import METRICS
 from omnieval.results.manifest import MANIFEST, read_manifest, status_of
-from omnieval.results.partition_folder import KIND as BASELINE
-from omnieval.results.partition_folder import TABLE as PARTITIONS
 from omnieval.results.run_folder import Run, open_run
 
 STEPS = "steps"
