@@ -13,7 +13,6 @@ from omnieval.cli import options
 if TYPE_CHECKING:
     import polars as pl
 
-    from omnieval.datasets.sequence import Sequence
 
 _SHOWN = ("k", "nodes", "silhouette", "silhouette_time_slices", "silhouette_positions", "rooms_ari", "rooms_nmi")
 _SHOWN_LAST = ("rooms_purity", "share_unassigned", "seconds")
@@ -21,7 +20,7 @@ _SHOWN_LAST = ("rooms_purity", "share_unassigned", "seconds")
 
 def baseline(
     source: Annotated[
-        str, typer.Argument(help="Sequence as for replay, or an archive of descriptors (FILE.npz).", metavar="SOURCE")
+        str, typer.Argument(help="Sequence or archive of descriptors, as for replay.", metavar="SOURCE")
     ] = "synthetic",
     method: Annotated[
         str,
@@ -44,6 +43,7 @@ def baseline(
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
+    skip_bad: options.SkipBad = False,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder to write; default runs/<sequence>-<descriptor>-<method>[-<n>].", metavar="DIR"),
@@ -70,18 +70,19 @@ def baseline(
     from omnieval.benchmark import check_options, run_baseline
     from omnieval.cli.console import print_json, progress
 
-    resolved = options.configuration(set_, config, None, descriptor)
+    resolved = options.configuration(set_, config, None, None, descriptor)
     ks = None if k is None else parse_ks(k)
     check_options(method=method, similarity=similarity, ks=ks, at_k_of=at_k_of)
-    material = _material(source, descriptor, start, stride, limit)
     with progress(method) as report:
         run = run_baseline(
-            material,
+            source,
             method=method,
             similarity=similarity,
             ks=ks,
             at_k_of=at_k_of,
             config=resolved,
+            cut=options.cut(start, stride, limit),
+            skip_bad=skip_bad,
             out=out,
             overwrite=overwrite,
             progress=report,
@@ -115,16 +116,6 @@ def parse_ks(text: str) -> list[int]:
     if not ks:
         raise ConfigError(f"--k {text!r}: expected numbers of clusters such as 2:40, 5,9,20 or 7")
     return ks
-
-
-def _material(source: str, descriptor: str | None, start: int, stride: int, limit: int | None) -> str | Sequence:
-    from omnieval.errors import ConfigError
-
-    if not source.endswith(".npz"):
-        return options.sequence(source, start, stride, limit)
-    if descriptor is not None or (start, stride, limit) != (0, 1, None):
-        raise ConfigError(f"{source} is taken as it is; leave --descriptor, --start, --stride and --limit out")
-    return source
 
 
 def _aligned(table: pl.DataFrame) -> Iterator[str]:
