@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from omnieval.mapping.step import Match
+from omnieval.palette import BATCH, INK, MUTED, OURS
 from omnieval.report.figure import Chart, Figure
-from omnieval.report.palette import BATCH, INK, MUTED, OURS
 from omnieval.report.sources import Replay
 from omnieval.report.wording import counted, sentences
 
