@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omnieval.cli import options
 
 if TYPE_CHECKING:
-    import polars as pl
-
     from omnieval.datasets.sequence import Sequence
 
 _SHOWN = ("k", "nodes", "silhouette", "silhouette_time_slices", "silhouette_positions", "rooms_ari", "rooms_nmi")
@@ -69,6 +66,7 @@ def baseline(
     """
     from omnieval.benchmark import check_options, run_baseline
     from omnieval.cli.console import print_json, progress
+    from omnieval.text_table import aligned, cell_text
 
     resolved = options.configuration(set_, config, None, descriptor)
     ks = None if k is None else parse_ks(k)
@@ -90,8 +88,9 @@ def baseline(
         print_json({"run": str(run.folder), **run.manifest, "rows": run.table.to_dicts()})
         return
     print(run.folder)
-    for line in _aligned(run.table):
-        print(line)
+    shown = run.table.select(*_SHOWN, *_SHOWN_LAST)
+    rows = [shown.columns, *(list(map(cell_text, row)) for row in shown.iter_rows())]
+    print("\n".join(aligned(rows, "r" * len(shown.columns))))
     for name, reason in run.manifest["null_reasons"].items():
         if name in _SHOWN:
             print(f"{name}: {reason}")
@@ -125,18 +124,3 @@ def _material(source: str, descriptor: str | None, start: int, stride: int, limi
     if descriptor is not None or (start, stride, limit) != (0, 1, None):
         raise ConfigError(f"{source} is taken as it is; leave --descriptor, --start, --stride and --limit out")
     return source
-
-
-def _aligned(table: pl.DataFrame) -> Iterator[str]:
-    """Yield the table's lines for people: a header and one line a row, columns right-aligned."""
-    columns = [*_SHOWN, *_SHOWN_LAST]
-    rows = [columns, *([_cell(value) for value in row] for row in table.select(columns).iter_rows())]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(columns))]
-    for row in rows:
-        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True))
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import polars as pl
 
 from omnieval.config import Config
@@ -192,18 +189,3 @@ def explanation_lines(explanation: Explanation, config: MapperConfig) -> list[Li
         rooms = ", ".join(f"{room} {100 * share:.0f} %" for room, share in explanation.rooms_final)
         page.append(("", f"that node: {explanation.images_final} images{f', {rooms}' if rooms else ''}"))
     return page
-
-
-def plain(value: Any) -> Any:
-    """Return a record as JSON knows it: records become objects, what is not finite becomes null."""
-    if isinstance(value, Enum):
-        return value.value
-    if hasattr(value, "__dataclass_fields__"):
-        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    if isinstance(value, dict):
-        return {name: plain(item) for name, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple | frozenset):
-        return [plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -14,7 +14,7 @@ from omnieval.mapping.step import Match
 from omnieval.palette import BATCH, INK, MUTED, OURS
 from omnieval.report.figure import Chart, Figure
 from omnieval.report.sources import Replay
-from omnieval.report.wording import counted, sentences
+from omnieval.wording import counted, sentences
 
 _WIDTH, _HEIGHT = 800, 120
 _PANELS = {

@@ -10,7 +10,7 @@ from omnieval.mapping.conditions import gate_threshold
 from omnieval.palette import BATCH, CONTROL, OURS
 from omnieval.report.figure import Figure, Skipped
 from omnieval.report.sources import Replay
-from omnieval.report.wording import counted, sentences
+from omnieval.wording import counted, sentences
 
 _MOST_NODES = 14
 """How far the gate is drawn at least; the paper's figure ends there."""
