@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from omnieval.cli import options
-
-if TYPE_CHECKING:
-    import polars as pl
-
 
 _SHOWN = ("k", "nodes", "silhouette", "silhouette_time_slices", "silhouette_positions", "rooms_ari", "rooms_nmi")
 _SHOWN_LAST = ("rooms_purity", "share_unassigned", "seconds")
@@ -69,6 +64,7 @@ def baseline(
     """
     from omnieval.benchmark import check_options, run_baseline
     from omnieval.cli.console import print_json, progress
+    from omnieval.text_table import aligned, cell_text
 
     resolved = options.configuration(set_, config, None, None, descriptor)
     ks = None if k is None else parse_ks(k)
@@ -91,8 +87,9 @@ def baseline(
         print_json({"run": str(run.folder), **run.manifest, "rows": run.table.to_dicts()})
         return
     print(run.folder)
-    for line in _aligned(run.table):
-        print(line)
+    shown = run.table.select(*_SHOWN, *_SHOWN_LAST)
+    rows = [shown.columns, *(list(map(cell_text, row)) for row in shown.iter_rows())]
+    print("\n".join(aligned(rows, "r" * len(shown.columns))))
     for name, reason in run.manifest["null_reasons"].items():
         if name in _SHOWN:
             print(f"{name}: {reason}")
@@ -116,18 +113,3 @@ def parse_ks(text: str) -> list[int]:
     if not ks:
         raise ConfigError(f"--k {text!r}: expected numbers of clusters such as 2:40, 5,9,20 or 7")
     return ks
-
-
-def _aligned(table: pl.DataFrame) -> Iterator[str]:
-    """Yield the table's lines for people: a header and one line a row, columns right-aligned."""
-    columns = [*_SHOWN, *_SHOWN_LAST]
-    rows = [columns, *([_cell(value) for value in row] for row in table.select(columns).iter_rows())]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(columns))]
-    for row in rows:
-        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True))
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)

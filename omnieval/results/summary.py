@@ -8,6 +8,7 @@ from typing import Any
 from omnieval.imaging.soundness import BadImage, in_words
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.results.run_folder import Run
+from omnieval.text_table import markdown
 from omnieval.wording import shown
 
 
@@ -53,14 +54,12 @@ def _value(value: float | int | None, reason: str | None) -> str:
 
 def configuration_page(name: str, source: str, parameters: Mapping[str, Any]) -> str:
     """Return a Markdown page that says what a run replays and with which parameters."""
-    rows = "\n".join(f"| `{parameter}` | {value} |" for parameter, value in parameters.items())
-    return f"# {name}\n\n`{source}`\n\n## Parameters\n\n| parameter | value |\n|---|---|\n{rows}\n"
+    rows = [(parameter, str(value)) for parameter, value in parameters.items()]
+    return f"# {name}\n\n`{source}`\n\n## Parameters\n\n{markdown(('parameter', 'value'), rows)}\n"
 
 
 def metrics_page(evaluation: Evaluation) -> str:
     """Return a Markdown section that says what the map of a run is worth."""
-    rows = "\n".join(
-        f"| `{name}` | {_value(value, evaluation.reasons.get(name)) if name != 'nodes' else value} |"
-        for name, value in evaluation.metrics.items()
-    )
-    return f"\n## Metrics\n\n| metric | value |\n|---|---|\n{rows}\n"
+    reasons = evaluation.reasons
+    rows = [(name, f"none: {reasons[name]}" if name in reasons else cell) for name, cell in evaluation.metrics.items()]
+    return f"\n## Metrics\n\n{markdown(('metric', 'value'), rows)}\n"
