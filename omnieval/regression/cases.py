@@ -15,7 +15,7 @@ from omnieval.datasets.scan import canonical_path
 from omnieval.datasets.synthetic import LIGHTS
 from omnieval.errors import ResultError
 from omnieval.loop import replay
-from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, archive_file
+from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, archive_file, refuse_descriptor
 from omnieval.regression.reference import Case, Cut, Value, parameters_of
 from omnieval.results.manifest import MANIFEST
 from omnieval.results.run_folder import Run, open_run
@@ -74,6 +74,8 @@ def job_of_case(case: Case) -> Job:
 def job_of_source(source: str, selection: Selection | None) -> Job:
     """Return what a source is replayed with; `selection` None is the defaults."""
     chosen = selection or Selection(resolve())
+    if archive_file(source) is not None:
+        refuse_descriptor(source, chosen.config)
     return _job(canonical_source(source), chosen.cut, chosen.skip_bad, chosen.config)
 
 
