@@ -259,9 +259,8 @@ def _table(content: Mapping[str, Any]) -> Table:
         if name in _SECTIONS:
             table.add(name, _table(value))
         elif isinstance(value, Mapping):
-            line = tomlkit.inline_table()
-            line.update(value)
-            table.add(name, line)
+            inside = ", ".join(f"{key} = {tomlkit.item(one).as_string()}" for key, one in value.items())
+            table.add(name, tomlkit.value(f"{{ {inside} }}"))
         else:
             table.add(name, list(value) if isinstance(value, tuple) else value)
     return table
