@@ -12,8 +12,8 @@ from scipy.signal import find_peaks
 
 from omnieval.explain.words import decision_text
 from omnieval.mapping.step import Curves, Step
+from omnieval.palette import BATCH, INK, MUTED, OURS
 from omnieval.report.figure import Chart, Figure
-from omnieval.report.palette import BATCH, INK, MUTED, OURS
 from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
 from omnieval.report.wording import counted, sentences

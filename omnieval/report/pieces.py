@@ -9,8 +9,8 @@ from typing import Any
 import altair as alt
 import polars as pl
 
+from omnieval.palette import NODE_COLORS
 from omnieval.report.figure import Chart, Figure, Skipped
-from omnieval.report.palette import NODE_COLORS
 from omnieval.report.sources import GROUP, Sweep
 from omnieval.report.wording import counted, decimals, sentences, value_text
 

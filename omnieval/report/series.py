@@ -7,8 +7,8 @@ import numpy as np
 import polars as pl
 
 from omnieval.mapping.roman2020.conditions import gate_threshold
+from omnieval.palette import BATCH, CONTROL, OURS
 from omnieval.report.figure import Figure, Skipped
-from omnieval.report.palette import BATCH, CONTROL, OURS
 from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
 from omnieval.report.wording import counted, sentences
