@@ -26,7 +26,7 @@ from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.soundness import refuse_bad
 from omnieval.loop import replay
 from omnieval.material import image_material
-from omnieval.recording.records import RecordingOptions
+from omnieval.recording import RecordingOptions
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder, hold_folder, reason_of
 from omnieval.results.provenance import code_digest, versions
