@@ -1,4 +1,4 @@
-"""Curves, gates and plots show what the step compared."""
+"""Curves, bars and plots show what the step compared, whatever the mapper."""
 
 import dataclasses
 import math
@@ -8,28 +8,44 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnieval.explain.capture import Capture
-from omnieval.explain.decision import best_match, decision
 from omnieval.explain.revisit import Revisit
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.step import Centroid, NodeGate, Verdict
-from omnieval.recording import layout
-from omnieval.recording.evidence import (
-    CURVE_BARS,
-    DECISION_COLORS,
-    GATE_CEILING,
-    curve_rows,
-    decision_state,
-    gate_rows,
-    missed_rows,
-    plot_rows,
-    pooled_bars,
-    prominence_level,
-    why_rows,
-    word_rows,
-)
+from omnieval.mapping.interface import Column, Gate, Method
+from omnieval.mapping.partition import Partition
+from omnieval.mapping.step import Match, Role
+from omnieval.recording import entities
+from omnieval.recording.charts import CEILING, CURVE_BARS, Charts, bar_rows, pooled_bars
+from omnieval.recording.entities import CurveEntities
 from omnieval.recording.rows import Scalar
-from tests.recording.replays import GAMMA, by_entity, decided, match, step, steps, view
+from omnieval.recording.styles import OUTCOME_COLORS, UNASSIGNED_COLOR, node_color, series
+from tests.recording.replays import (
+    FAR,
+    GAMMA,
+    LEADER,
+    METHOD,
+    by_entity,
+    centroid,
+    compared,
+    curves,
+    image,
+    prominence,
+    scene,
+    step,
+    steps,
+)
+
+SIMILARITY, POSITION, ORIENTATION = map(CurveEntities.of, METHOD.curves)
+MISSED = "/plot/gate/prominence/missed"
+
+
+def drawn(a_step, method=METHOD):
+    return by_entity(Charts(method).step_rows(a_step))
+
+
+def plotted(a_step, method=METHOD, **options):
+    partition = Partition()
+    partition.apply(dataclasses.replace(a_step, frame=0))
+    rows = by_entity(Charts(method).plot_rows(a_step, partition, 1.5, **options))
+    return {entity: row.value for entity, row in rows.items()}
 
 
 @given(st.integers(1, 5000), st.integers(0, 2**32 - 1))
@@ -50,160 +66,131 @@ def test_a_short_curve_is_drawn_image_by_image():
     assert bars.left.tolist() == [0, 1, 2, 3, 4]
 
 
-@pytest.mark.parametrize("prominence", [0.1, 4.9, 5.0, 5.1, 8.9])
-def test_the_peak_passes_the_drawn_threshold_iff_it_is_prominent_enough(prominence):
-    found = match(40, prominence=prominence)
-    assert (prominence_level(found, GAMMA) <= 1.0) == (found.prominence_ratio >= GAMMA)
-
-
-def test_three_curves_are_drawn_with_best_candidate_and_threshold():
-    rows = by_entity(curve_rows(match(40, best=7), GAMMA))
-    assert len(rows) == 7
-    for curve in (layout.SIMILARITY, layout.POSITION, layout.ORIENTATION):
-        assert rows[f"{curve}/curve"].heights.max() == 1.0
-        best = rows[f"{curve}/best"]
+def test_curves_are_drawn_with_best_image_and_the_level_it_has_to_reach():
+    rows = drawn(step(40, "assigned", Role.JOINED, 1, curves=curves(40, best=7, level=0.75)))
+    for curve in (SIMILARITY, POSITION, ORIENTATION):
+        assert rows[curve.curve].heights.max() == 1.0
+        best = rows[curve.best]
         assert best.left[0] <= 7 < best.left[0] + best.width[0]
-    assert rows[f"{layout.SIMILARITY}/threshold"].width.tolist() == [40.0]
+    assert (rows[SIMILARITY.level].heights.tolist(), rows[SIMILARITY.level].width.tolist()) == ([0.75], [40.0])
+    assert not {POSITION.level, ORIENTATION.level} & set(rows)
 
 
-def test_no_threshold_is_drawn_where_nothing_is_compared():
-    rows = by_entity(curve_rows(match(40, peaks=1), GAMMA))
-    assert len(rows[f"{layout.SIMILARITY}/threshold"].heights) == 0
+def test_no_level_is_drawn_where_nothing_is_asked():
+    assert len(drawn(step(9, "assigned", Role.JOINED, 1, curves=curves(40, level=None)))[SIMILARITY.level].heights) == 0
 
 
-def test_without_a_match_the_curves_are_cleared():
-    assert all(len(row.heights) == 0 for row in by_entity(curve_rows(None, GAMMA)).values())
+def test_what_a_step_has_none_of_is_cleared():
+    rows = drawn(step(0, "initial", Role.FOUNDING, 1))
+    assert set(rows) >= {SIMILARITY.curve, ORIENTATION.best, entities.PASSING, entities.REFUSED, entities.BAND}
+    assert all(len(row.heights) == 0 for row in rows.values())
 
 
-def test_every_active_node_has_a_bar_at_its_number():
-    gate = NodeGate(2.0, np.array([1, 4, 9]), np.array([0.5, 2.5, 1e9]))
-    rows = by_entity(gate_rows(gate))
-    assert rows["/gate/candidates"].left.tolist() == [0.6]
-    assert rows["/gate/refused"].left.tolist() == [3.6, 8.6]
-    assert rows["/gate/refused"].heights.tolist() == [2.5, 2.0 * GATE_CEILING]
-    assert rows["/gate/threshold"].heights.tolist() == [2.0]
+def test_a_curve_that_is_zero_or_was_not_declared_hurts_nobody():
+    flat = dataclasses.replace(curves(4), values={"similarity": np.zeros(4), "other": np.ones(4)})
+    rows = drawn(step(9, "assigned", Role.JOINED, 1, curves=flat))
+    assert rows[SIMILARITY.curve].heights.tolist() == [0.0] * 4
+    assert len(rows[POSITION.curve].heights) == 0
 
 
-def test_without_a_gate_the_bars_are_cleared():
-    assert all(len(row.heights) == 0 for row in by_entity(gate_rows(None)).values())
+def test_every_node_has_a_bar_at_its_number():
+    rows = by_entity(bar_rows(compared("node", [0.5, 2.5, 1e9], 2.0, of=(1, 4, 9))))
+    assert rows[entities.PASSING].left.tolist() == [0.6]
+    assert rows[entities.REFUSED].left.tolist() == [3.6, 8.6]
+    assert rows[entities.REFUSED].heights.tolist() == [2.5, 2.0 * CEILING]
+    assert rows[entities.BAND].heights.tolist() == [2.0]
 
 
-def test_plots_carry_the_compared_values():
+def test_bars_that_have_to_reach_a_threshold_pass_above_it():
+    rows = by_entity(bar_rows(compared("node", [0.5, 2.5], 2.0, of=(1, 4), reaches=True)))
+    assert (rows[entities.PASSING].left.tolist(), rows[entities.REFUSED].left.tolist()) == ([3.6], [0.6])
+
+
+def test_the_bars_are_those_of_the_first_gate_that_compares_with_nodes_and_closes_loops():
+    later = compared("pending", [9.0], 2.0, of=(3,))
+    rows = drawn(step(9, "pending", Role.PENDING, 3, comparisons=(FAR, later)))
+    assert rows[entities.REFUSED].heights.tolist() == [2.31]
+    assert entities.bar_gate(Method(name="m", gates=(Gate(name="g", value="v", threshold="t", of="node"),))) is None
+
+
+def test_plots_carry_the_values_that_were_decided_by():
+    ratios = compared("node", [0.5, 0.1, 40.0], 1.85, of=(1, 2, 3), parameter="omega")
     decided = step(
-        9,
-        Verdict.ASSIGNED,
-        1,
-        gate=NodeGate(1.85, np.array([1, 2]), np.array([0.5, 40.0])),
-        match=match(30, prominence=8.0, mean=2.0),
-        centroid=Centroid(0.01, 0.02),
+        9, "assigned", Role.JOINED, 1, match=Match(0, 1), comparisons=(ratios, prominence(4.0), centroid(0.01))
     )
-    values = {entity: row.value for entity, row in by_entity(plot_rows(view(decided), GAMMA, 0.125)).items()}
-    assert values["/plot/prominence/ratio"] == 4.0
-    assert values["/plot/prominence/gamma"] == GAMMA
-    assert (values["/plot/gate/nearest"], values["/plot/gate/x"]) == (0.5, 1.85)
-    assert (values["/plot/centroid/shift"], values["/plot/centroid/bound"]) == (0.01, 0.02)
+    values = plotted(decided, silhouette=0.25)
+    assert (values["/plot/gate/node/value"], values["/plot/gate/node/threshold"]) == (0.5, 1.85)
+    assert (values["/plot/gate/prominence/value"], values["/plot/gate/prominence/threshold"]) == (4.0, GAMMA)
+    assert (values["/plot/gate/centroid/value"], values["/plot/gate/centroid/threshold"]) == (0.01, 0.02)
     assert values["/plot/quality/silhouette"] == 0.25
-    assert values["/plot/quality/unassigned"] == 0.125
+    assert values["/plot/quality/unassigned"] == 0.0
+    nowhere = dataclasses.replace(decided, role=Role.REFUSED, node=None, match=None, comparisons=(FAR,))
+    assert plotted(nowhere)["/plot/gate/node/value"] == 2.31
 
 
-def test_what_was_not_reached_interrupts_the_line():
-    rows = by_entity(plot_rows(view(step(0, Verdict.INITIAL, 1), silhouette=None), GAMMA, 0.25))
-    missing = {entity for entity, row in rows.items() if math.isnan(row.value)}
+def test_what_was_not_reached_interrupts_the_line_but_a_parameter_is_known_all_along():
+    missing = {entity for entity, value in plotted(step(0, "initial", Role.FOUNDING, 1)).items() if math.isnan(value)}
     assert missing == {
-        "/plot/gate/nearest",
-        "/plot/gate/x",
-        "/plot/prominence/ratio",
-        "/plot/centroid/shift",
-        "/plot/centroid/bound",
+        "/plot/gate/node/value",
+        "/plot/gate/node/threshold",
+        "/plot/gate/prominence/value",
+        "/plot/gate/centroid/value",
+        "/plot/gate/centroid/threshold",
         "/plot/margin/value",
         "/plot/quality/silhouette",
     }
 
 
-def test_plots_have_a_style_for_every_line():
-    assert {entity for entity, _ in plot_rows(view(steps(1)[0]), GAMMA, 0.25)} == set(layout.SERIES)
+def test_a_column_that_is_to_be_plotted_is():
+    column = Column(name="peaks of it", type="int", meaning="peaks", plotted=True)
+    method = Method(name="own", columns=(column, Column(name="other", type="int", meaning="other")))
+    values = plotted(step(0, "first", Role.FOUNDING, 1, measured={"peaks of it": 3}), method)
+    assert values[entities.column_plot("peaks of it")] == 3.0
+    assert set(values) == set(series(method))
 
 
-def test_an_infinite_ratio_is_not_drawn():
-    endless = dataclasses.replace(match(30), prominence_mean=0.0)
-    rows = by_entity(plot_rows(view(step(9, Verdict.ASSIGNED, 1, match=endless)), GAMMA, 0.25))
-    assert math.isnan(rows["/plot/prominence/ratio"].value)
+@pytest.mark.parametrize("method", [METHOD, LEADER, Method(name="silent")])
+def test_plots_have_a_style_for_every_line(method):
+    assert set(plotted(steps(1)[0], method)) == set(series(method))
 
 
-def test_refusals_stand_out_in_the_log():
-    levels = {a_step.verdict: by_entity(word_rows(a_step, GAMMA))[layout.LOG_DECISION].level for a_step in steps(30)}
-    refused = {verdict for verdict, level in levels.items() if level == "WARN"}
-    assert refused == {Verdict.NO_CANDIDATE, Verdict.PROMINENCE, Verdict.CENTROID}
+def test_an_infinite_value_is_not_drawn():
+    endless = step(9, "assigned", Role.JOINED, 1, comparisons=(prominence(math.inf),))
+    assert math.isnan(plotted(endless)["/plot/gate/prominence/value"])
 
 
 def test_colours_of_nodes_depend_on_the_number_alone_and_differ():
-    colors = [layout.node_color(node) for node in range(40)]
+    colors = [node_color(node) for node in range(40)]
     assert len(set(colors)) == 40
-    assert layout.node_color(0) == layout.UNASSIGNED_COLOR
+    assert node_color(0) == UNASSIGNED_COLOR
 
 
 @pytest.mark.parametrize(
-    ("verdict", "metres", "state"),
+    ("role", "metres", "outcome"),
     [
-        (Verdict.INITIAL, None, "initial"),
-        (Verdict.ASSIGNED, 0.2, "closed"),
-        (Verdict.PENDING, 9.0, "closed"),
-        (Verdict.PROMINENCE, 0.2, "missed"),
-        (Verdict.NO_CANDIDATE, 1.0, "missed"),
-        (Verdict.NO_CANDIDATE, 1.1, "refused"),
-        (Verdict.CENTROID, None, "refused"),
+        (Role.FOUNDING, None, "founding"),
+        (Role.JOINED, 0.2, "closed"),
+        (Role.PENDING, 9.0, "pending"),
+        (Role.REFUSED, 0.2, "missed"),
+        (Role.REFUSED, 1.1, "refused"),
+        (Role.REFUSED, None, "refused"),
+        (Role.UNASSIGNED, 0.2, "unassigned"),
     ],
 )
-def test_a_refusal_at_a_known_place_is_a_missed_loop_closure(verdict, metres, state):
-    revisit = None if metres is None else Revisit(Capture(0, ""), 1, metres)
-    one = decision(step(40, verdict), Capture(40, ""), None, revisit)
-    assert decision_state(one) == state
-    assert state in DECISION_COLORS
-    assert bool(missed_rows(one)) == (state == "missed")
+def test_every_outcome_has_a_colour_and_a_missed_loop_closure_a_mark(role, metres, outcome):
+    revisit = None if metres is None else Revisit(0, image(0), 1, metres)
+    one = scene(step(40, "so", role), revisit)
+    assert one.outcome == outcome
+    assert outcome in OUTCOME_COLORS
+    assert bool(Charts(METHOD).missed_rows(one)) == (outcome == "missed")
 
 
-def test_a_missed_loop_closure_is_marked_at_the_ratio_that_refused_it():
-    near = Revisit(Capture(0, ""), 1, 0.2)
-    refused = step(40, Verdict.PROMINENCE, match=match(30, prominence=3.1))
-    best = best_match(refused.match, Capture(40, ""), Capture(0, ""), 256)
-    assert missed_rows(decision(refused, Capture(40, ""), best, near)) == [(layout.MISSED, Scalar(3.1))]
-    nowhere = decision(step(40, Verdict.NO_CANDIDATE), Capture(40, ""), None, near)
-    assert missed_rows(nowhere) == [(layout.MISSED, Scalar(0.0))]
-
-
-def labels_of(one):
-    """The bold labels of a page, in their order."""
-    page = by_entity(why_rows(one, MapperConfig(gamma=GAMMA)))[layout.WHY].text
-    headline, reasons = page.split("\n\n")
-    assert headline.startswith("**")
-    return [line.split("**")[1] for line in reasons.split("  \n")]
-
-
-def test_the_page_begins_with_what_would_let_a_refused_image_in_or_with_the_match_of_an_accepted_one():
-    closed, refused = (labels_of(decided(steps(30)[frame])) for frame in (15, 20))
-    assert refused.index("would flip") < refused.index("best match")
-    assert closed.index("best match") < closed.index("prominence") < closed.index("would flip")
-
-
-def test_every_line_of_the_log_begins_with_its_step():
-    for a_step in steps(60):
-        for entity, words in word_rows(a_step, GAMMA):
-            assert words.text.startswith(f"{a_step.frame}: "), entity
-
-
-@pytest.mark.parametrize("ground", [0x0D1011FF, 0xFFFFFFFF])
-def test_the_log_can_be_read_in_a_dark_and_in_a_bright_viewer(ground):
-    assert contrast(layout.GREY_TEXT_COLOR, ground) > 3
-    assert contrast(layout.EVENT_COLOR, ground) > 2.5
-
-
-def contrast(one, other):
-    """Contrast of two colours, 1..21 (WCAG 2.1)."""
-    bright, dark = sorted((luminance(one), luminance(other)), reverse=True)
-    return (bright + 0.05) / (dark + 0.05)
-
-
-def luminance(color):
-    channels = [(color >> shift & 255) / 255 for shift in (24, 16, 8)]
-    linear = [channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4 for channel in channels]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+def test_a_missed_loop_closure_is_marked_at_the_value_that_refused_it_in_the_first_plot_behind_the_bars():
+    near = Revisit(0, image(0), 1, 0.2)
+    refused = step(40, "prominence", Role.REFUSED, match=Match(0, 1, 3), comparisons=(FAR, prominence(3.1)))
+    charts = Charts(METHOD)
+    assert charts.missed_rows(scene(refused, near)) == [(MISSED, Scalar(3.1))]
+    assert charts.missed_rows(scene(step(40, "no", Role.REFUSED, comparisons=(FAR,)), near)) == [(MISSED, Scalar(0.0))]
+    far = step(40, "too far", Role.REFUSED, comparisons=(compared("distance", [4.0], 3.0, of=(1,)),))
+    assert Charts(LEADER).missed_rows(scene(far, near)) == [("/plot/gate/distance/missed", Scalar(4.0))]
+    assert Charts(Method(name="silent")).missed_rows(scene(far, near)) == []
