@@ -26,7 +26,7 @@ from omnieval.datasets import load
 from omnieval.datasets.scan import FARTHEST_M
 from omnieval.datasets.sequence import Frame, Pose, Sequence
 from omnieval.descriptors.archive import Archive, load_archive
-from omnieval.descriptors.cache import DescriptorCache
+from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import DescribedFrame, Describer
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError, DatasetError, ResultError
@@ -165,11 +165,19 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
 
 
 @contextmanager
-def reopened(run: Run) -> Iterator[Material]:
+def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
     """Give what a run replayed, exactly as it was.
 
     Its descriptions end in an error if they turn out not to be those of the run: what was made of them until then must
     not be kept.
+
+    Parameters
+    ----------
+    run
+        A run.
+    describe
+        Whether images are described. Else they are only held against the run's, and their descriptions are empty: for
+        pictures of what nothing can describe any more.
 
     Raises
     ------
@@ -185,7 +193,8 @@ def reopened(run: Run) -> Iterator[Material]:
     if (file := archive_file(source)) is not None:
         yield _of_run(run, _of_archive(file, cut))
         return
-    config = dataclasses.replace(config, descriptor=config.descriptor.again())
+    if describe:
+        config = dataclasses.replace(config, descriptor=config.descriptor.again())
     sequence = load(source).cut(**dataclasses.asdict(cut))
     skipped = None if "skipped" not in manifest else tuple(BadImage(**bad) for bad in manifest["skipped"])
     left_out = {bad.file for bad in skipped or ()}
@@ -246,23 +255,28 @@ def _of_images(
     cache: DescriptorCache,
     skipped: tuple[BadImage, ...] | None,
     camera: CameraModel | None = None,
+    undescribed_cells: int | None = None,
 ) -> Material:
     refuse_bad(sequence, cache)
     unposed = why_unposed(sequence.frames)
     sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
     camera = camera or resolve_camera(sequence, config.imaging, cache)
-    described = Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
-    first = next(described)
+    if undescribed_cells is None:
+        described = Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
+        first = next(described)
+        described, cells = chain([first], described), len(first.description.orientation)
+    else:
+        described, cells = _undescribed(sequence.frames), undescribed_cells
     return Material(
         name=sequence.name,
         source=sequence.source,
         cut=Cut(*sequence.cut_from),
         descriptor=config.descriptor,
-        cells=len(first.description.orientation),
+        cells=cells,
         frames=sequence.frames,
         positions=sequence.positions,
         unposed=unposed,
-        described=chain([first], described),
+        described=described,
         camera=camera.settings,
         origin=camera.origin,
         card=sequence.card,
@@ -270,6 +284,12 @@ def _of_images(
         pictures=Pictures(sequence.frames, camera),
         cache=cache,
     )
+
+
+def _undescribed(frames: Iterable[Frame]) -> Iterator[DescribedFrame]:
+    nothing = Description(np.zeros(0, np.float32), np.zeros((0, 0), np.float32))
+    for frame in frames:
+        yield DescribedFrame(nothing, image_digest(frame.read()))
 
 
 def _of_archive(file: Path, cut: Cut) -> Material:

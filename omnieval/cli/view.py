@@ -26,7 +26,7 @@ def view(
       omnieval view runs/a runs/b
     """
     from omnieval.cli.console import note
-    from omnieval.recording.view import check_recording, open_viewer
+    from omnieval.recording.viewer import check_recording, open_viewer
     from omnieval.results.run_folder import open_run
 
     opened = [open_run(run) for run in runs if not _is_recording(run)]
@@ -56,7 +56,7 @@ def _side_by_side(one: Run, other: Run) -> Path | None:
     """Record two runs together and return where; None if they are not over the same images."""
     from omnieval.datasets.cachedir import cache_dir
     from omnieval.errors import ResultError
-    from omnieval.recording.pair import record_pair
+    from omnieval.recording.side_by_side import record_pair
     from omnieval.results.compare import agreement
 
     agreed = agreement(one, other)

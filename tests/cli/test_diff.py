@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from omnieval.recording.view import check_recording
+from omnieval.recording.viewer import check_recording
 from omnieval.results.compare import agreement
 from omnieval.results.run_folder import open_run
 from tests.cli.test_cli import SMALL, fails, in_process

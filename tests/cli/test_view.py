@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from omnieval.recording import view as viewer
-from omnieval.recording.view import check_recording
+from omnieval.recording import viewer
+from omnieval.recording.viewer import check_recording
 from tests.cli.test_cli import SMALL, fails, in_process
 
 

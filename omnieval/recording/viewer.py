@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
 from omnieval.errors import OmnievalError, ResultError
-from omnieval.recording import layout
+from omnieval.recording import entities
 
 _LOOPBACK = "127.0.0.1"
 _START_SECONDS = 20.0
@@ -105,12 +105,12 @@ def check_recording(path: Path) -> int:
     """
     if not path.is_file():
         raise ResultError(f"no recording at {path}; name an .rrd file")
-    content = layout.LOG_DECISION
+    content = entities.LOG_DECISION
     try:
         with warnings.catch_warnings():
             # The recording of a killed run has no footer, which costs time but no step.
             warnings.simplefilter("ignore", RerunWarning)
-            chunks = RrdReader(path).stream().filter(content=content, has_timeline=layout.STEP)
+            chunks = RrdReader(path).stream().filter(content=content, has_timeline=entities.STEP)
             steps = sum(chunk.num_rows for chunk in chunks)
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())

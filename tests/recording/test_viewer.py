@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from omnieval.errors import OmnievalError, ResultError
-from omnieval.recording import view as viewer
+from omnieval.recording import viewer
 from omnieval.recording.digest import digest
 from omnieval.recording.recorder import Recorder
-from omnieval.recording.view import check_recording, check_viewer, open_viewer, start_viewer
-from tests.recording.replays import info, steps, view
+from omnieval.recording.viewer import check_recording, check_viewer, open_viewer, start_viewer
+from tests.recording.replays import image, info, steps
 
 needs_scripts = pytest.mark.skipif(sys.platform == "win32", reason="stands in for the viewer with a script")
 
@@ -26,7 +26,7 @@ def recording(tmp_path):
     path = tmp_path / "replay.rrd"
     with Recorder(path, info(60)) as recorder:
         for a_step in steps(60):
-            recorder.log(view(a_step))
+            recorder.log(a_step, image(a_step.frame), 1.5)
     return path
 
 
@@ -68,10 +68,10 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from omnieval.recording.recorder import Recorder
-from tests.recording.replays import info, steps, view
+from tests.recording.replays import image, info, steps
 recorder = Recorder(Path(sys.argv[1]), info(120))
 for step in steps(101):
-    recorder.log(view(step))
+    recorder.log(step, image(step.frame), 1.5)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
