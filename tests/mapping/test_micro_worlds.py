@@ -10,9 +10,10 @@ import pytest
 
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.mapper import Mapper
-from omnieval.mapping.step import EventKind, NodeEvent, Placement, Step, Verdict
+from omnieval.mapping.roman2020.evidence import Verdict
+from omnieval.mapping.roman2020.mapper import Roman2020
+from omnieval.mapping.roman2020.settings import Roman2020Settings
+from omnieval.mapping.step import EventKind, NodeEvent, Placement, Step
 
 Point = tuple[float, float]
 
@@ -27,14 +28,14 @@ def look(point: Point, cells: Sequence[float] = FACING) -> Description:
     return Description(np.array(point, np.float32), np.array(cells, np.float32)[:, None])
 
 
-def replay(mapper: Mapper, points: Iterable[Point]) -> list[Step]:
+def replay(mapper: Roman2020, points: Iterable[Point]) -> list[Step]:
     return [mapper.step(look(point)) for point in points]
 
 
-def mapper_of(points: Iterable[Point], **options: object) -> Mapper:
+def mapper_of(points: Iterable[Point], **options: object) -> Roman2020:
     """A mapper with identity covariance whose first node is made of the ten `points`."""
     settings: dict[str, object] = {"n_init": 10, "n_new": 10, "covariance": "identity", "gamma": 0.0}
-    mapper = Mapper(MapperConfig.model_validate(settings | options))
+    mapper = Roman2020(Roman2020Settings.model_validate(settings | options))
     replay(mapper, points)
     return mapper
 
@@ -84,13 +85,13 @@ class TestNodeGate:
 
     def test_two_sided_refuses_the_very_mean_of_a_hollow_node(self) -> None:
         step = mapper_of(self.HOLLOW).step(look((0, 0)))
-        assert step.verdict is Verdict.NO_CANDIDATE
+        assert step.verdict == Verdict.NO_CANDIDATE
         assert step.gate is not None
         assert step.gate.ratios.tolist() == pytest.approx([20.5 / math.sqrt(40.5)])  # 3.22 > 2.9
 
     def test_one_sided_accepts_it(self) -> None:
         step = mapper_of(self.HOLLOW, node_gate="one-sided").step(look((0, 0)))
-        assert step.verdict is Verdict.ASSIGNED
+        assert step.verdict == Verdict.ASSIGNED
         assert step.gate is not None
         assert step.gate.ratios.tolist() == pytest.approx([-20.5 / math.sqrt(40.5)])
 
@@ -117,7 +118,7 @@ class TestNodeGate:
         for refit, mu, sigma in (("insertion", 19 / 3, 8 / math.sqrt(3)), ("creation", 5, math.sqrt(32))):
             mapper = mapper_of(self.NODE, gate_refit=refit)
             joined, step = replay(mapper, [(0, 3), (0, 2)])
-            assert joined.verdict is Verdict.ASSIGNED
+            assert joined.verdict == Verdict.ASSIGNED
             assert step.gate is not None
             assert step.gate.ratios.tolist() == pytest.approx([abs(4 - mu) / sigma])
 
@@ -167,7 +168,7 @@ class TestMatch:
         ],
     )
     def test_gamma_is_the_ratio_it_takes(self, gamma: float, mean: str, verdict: Verdict) -> None:
-        assert self.drawn(gamma=gamma, prominence_mean=mean).verdict is verdict
+        assert self.drawn(gamma=gamma, prominence_mean=mean).verdict == verdict
 
     @pytest.mark.parametrize(("single_peak", "verdict"), [("accept", Verdict.ASSIGNED), ("reject", Verdict.PROMINENCE)])
     def test_one_peak_is_up_to_the_option(self, single_peak: str, verdict: Verdict) -> None:
@@ -177,7 +178,7 @@ class TestMatch:
         assert step.match is not None
         assert step.match.peaks == 1
         assert step.match.best_frame == 5
-        assert step.verdict is verdict
+        assert step.verdict == verdict
 
     def test_identical_images_are_one_plateau(self) -> None:
         step = mapper_of([(0, 0)] * 10, single_peak="reject").step(look((0, 0)))
@@ -188,7 +189,7 @@ class TestMatch:
 
     def test_the_shift_rolls_the_best_image_onto_the_new_one(self) -> None:
         # Image 3 alone shows what the new one does, two cells earlier.
-        mapper = Mapper(MapperConfig(n_init=10, omega=100.0, covariance="identity", gamma=0.0))
+        mapper = Roman2020(Roman2020Settings(n_init=10, omega=100.0, covariance="identity", gamma=0.0))
         points = (*CROSS, (0, 1), (0, -2))
         for frame, point in enumerate(points):
             mapper.step(look(point, (5, 1, 0, 0) if frame == 3 else (3, 3, 3, 3)))
@@ -220,7 +221,7 @@ class TestCentroid:
         assert step.centroid is not None
         assert step.centroid.bound == pytest.approx(1 / 9)
         assert step.centroid.shift == pytest.approx(x / 11)
-        assert step.verdict is verdict
+        assert step.verdict == verdict
 
     def test_it_is_not_reached_when_prominence_refuses(self) -> None:
         step = mapper_of(self.NODE, omega=100.0, gamma=1000.0).step(look((1.25, 0)))
@@ -272,7 +273,7 @@ class TestActivation:
     """Section 5: a new node must be as far from the active nodes as these are from each other."""
 
     # Representatives of the first two: 10 apart. All clusters have the same shape, mu = 0.625, sigma = 0.53.
-    def two_active_nodes(self) -> Mapper:
+    def two_active_nodes(self) -> Roman2020:
         mapper = mapper_of(cluster((0, 0)))
         last = replay(mapper, cluster((10, 0)))[-1]
         assert [event.kind for event in last.events] == [EventKind.CREATED, EventKind.ACTIVATED]
@@ -303,7 +304,7 @@ class TestActivation:
         mapper = self.two_active_nodes()
         replay(mapper, cluster((5, 8)))
         step = mapper.step(look((10.2, 0.1)))
-        assert step.verdict is Verdict.ASSIGNED
+        assert step.verdict == Verdict.ASSIGNED
         assert step.match is not None
         assert step.match.map_size == 30
         assert step.match.slots.tolist() == list(range(10, 20))
@@ -346,7 +347,7 @@ class TestMargin:
         assert_margin(step, "match", 1 - 8.8 / 9.2)
 
     def test_nothing_is_compared_for_initial_images(self) -> None:
-        assert [step.margin for step in replay(Mapper(MapperConfig(n_init=10)), CROSS)] == [None] * 8
+        assert [step.margin for step in replay(Roman2020(Roman2020Settings(n_init=10)), CROSS)] == [None] * 8
 
 
 class TestRunsAndLeftovers:
