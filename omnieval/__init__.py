@@ -1,5 +1,9 @@
 """omnieval replays incremental topological mapping over omnidirectional images and keeps every decision's evidence.
 
+>>> import omnieval
+>>> run = omnieval.replay("synthetic:night", mapper="leader", radius=4.0, limit=300)  # doctest: +SKIP
+>>> run.steps.filter(role="refused")  # doctest: +SKIP
+
 The public names below are loaded when they are first used, so that importing the package is instant.
 """
 
@@ -11,54 +15,127 @@ if TYPE_CHECKING:
     from omnieval.benchmark import baseline
     from omnieval.config import Config, configure
     from omnieval.datasets import load
+    from omnieval.descriptors.archive import load_archive
     from omnieval.descriptors.description import Description, Descriptor
-    from omnieval.loop import map_archive, replay
-    from omnieval.mapping.config import MapperConfig
-    from omnieval.mapping.mapper import Mapper
+    from omnieval.descriptors.gist import Gist, GistSettings
+    from omnieval.descriptors.hog import Hog, HogSettings
+    from omnieval.explain.refused import refused_closures
+    from omnieval.explain.run import RunExplainer
+    from omnieval.loop import describe_archive, replay
+    from omnieval.mapping.interface import BranchingMapper, Column, Gate, Mapper
+    from omnieval.mapping.leader import Leader, LeaderSettings
+    from omnieval.mapping.roman2020.mapper import Roman2020
+    from omnieval.mapping.roman2020.settings import Roman2020Settings
+    from omnieval.mapping.step import (
+        Comparison,
+        Curves,
+        EventKind,
+        FinalMap,
+        Match,
+        NodeEvent,
+        Placement,
+        Role,
+        Step,
+    )
+    from omnieval.recording.records import RecordingOptions
     from omnieval.regression.check import check
     from omnieval.report.write import write_report
+    from omnieval.results.compare import compare
     from omnieval.results.run_folder import Run, open_run
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
+
+_HOMES = {
+    "ablate": "ablation.run",
+    "baseline": "benchmark",
+    "Config": "config",
+    "configure": "config",
+    "load": "datasets",
+    "load_archive": "descriptors.archive",
+    "Description": "descriptors.description",
+    "Descriptor": "descriptors.description",
+    "Gist": "descriptors.gist",
+    "GistSettings": "descriptors.gist",
+    "Hog": "descriptors.hog",
+    "HogSettings": "descriptors.hog",
+    "refused_closures": "explain.refused",
+    "RunExplainer": "explain.run",
+    "describe_archive": "loop",
+    "replay": "loop",
+    "BranchingMapper": "mapping.interface",
+    "Column": "mapping.interface",
+    "Gate": "mapping.interface",
+    "Mapper": "mapping.interface",
+    "Leader": "mapping.leader",
+    "LeaderSettings": "mapping.leader",
+    "Roman2020": "mapping.roman2020.mapper",
+    "Roman2020Settings": "mapping.roman2020.settings",
+    "Comparison": "mapping.step",
+    "Curves": "mapping.step",
+    "EventKind": "mapping.step",
+    "FinalMap": "mapping.step",
+    "Match": "mapping.step",
+    "NodeEvent": "mapping.step",
+    "Placement": "mapping.step",
+    "Role": "mapping.step",
+    "Step": "mapping.step",
+    "RecordingOptions": "recording.records",
+    "check": "regression.check",
+    "write_report": "report.write",
+    "compare": "results.compare",
+    "Run": "results.run_folder",
+    "open_run": "results.run_folder",
+}
+"""The modules in which the public names live."""
 
 __all__ = [
+    "BranchingMapper",
+    "Column",
+    "Comparison",
     "Config",
+    "Curves",
     "Description",
     "Descriptor",
+    "EventKind",
+    "FinalMap",
+    "Gate",
+    "Gist",
+    "GistSettings",
+    "Hog",
+    "HogSettings",
+    "Leader",
+    "LeaderSettings",
     "Mapper",
-    "MapperConfig",
+    "Match",
+    "NodeEvent",
+    "Placement",
+    "RecordingOptions",
+    "Role",
+    "Roman2020",
+    "Roman2020Settings",
     "Run",
+    "RunExplainer",
+    "Step",
     "ablate",
     "baseline",
     "check",
+    "compare",
     "configure",
+    "describe_archive",
     "load",
-    "map_archive",
+    "load_archive",
     "open_run",
+    "refused_closures",
     "replay",
     "write_report",
 ]
-
-_HOMES = {
-    "ablate": "omnieval.ablation.run",
-    "baseline": "omnieval.benchmark",
-    "Config": "omnieval.config",
-    "configure": "omnieval.config",
-    "load": "omnieval.datasets",
-    "Description": "omnieval.descriptors.description",
-    "Descriptor": "omnieval.descriptors.description",
-    "map_archive": "omnieval.loop",
-    "replay": "omnieval.loop",
-    "MapperConfig": "omnieval.mapping.config",
-    "Mapper": "omnieval.mapping.mapper",
-    "check": "omnieval.regression.check",
-    "write_report": "omnieval.report.write",
-    "Run": "omnieval.results.run_folder",
-    "open_run": "omnieval.results.run_folder",
-}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'omnieval' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(f"omnieval.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -1,4 +1,9 @@
-"""Baselines over the material of a replay: the same images, the same metrics, partitions made by other means."""
+"""Baselines over the material of a replay: the same images, the same metrics, partitions made by other means.
+
+The folder of a baseline is ``runs/<sequence>-<descriptor>-<method>[-<n>]/``: ``run.json`` says what was clustered and
+how, its status and timings; ``baseline.parquet`` has one row a partition, written as they come, so that a killed
+baseline leaves a readable prefix.
+"""
 
 from __future__ import annotations
 
@@ -20,15 +25,20 @@ from omnieval.config import Config, resolve
 from omnieval.datasets import Sequence, load
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.description import Descriptor
-from omnieval.errors import ConfigError, OmnievalError
+from omnieval.errors import ConfigError
 from omnieval.material import Material, archive_material, image_material
 from omnieval.metrics.evaluation import evaluate
-from omnieval.results.partition_folder import PartitionWriter
+from omnieval.results.atomic import write_table
+from omnieval.results.content import content_hash
+from omnieval.results.folder import ResultFolder
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
 from omnieval.results.run_folder import free_folder, open_run
+from omnieval.results.schemas import PARTITIONS
 from omnieval.wording import did_you_mean
 
 Progress = Callable[[int, int], None]
+KIND = "baseline"
+TABLE = "baseline.parquet"
 RUNS = Path("runs")
 KS = tuple(range(2, 41))
 """The numbers of clusters when none are asked for."""
@@ -59,10 +69,10 @@ class Options(TypedDict, total=False):
     method: str
     similarity: str | None
     ks: Iterable[int] | None
-    at_k_of: Path | None
+    at_k_of: str | Path | None
     config: Config | None
     descriptor: Descriptor | None
-    out: Path | None
+    out: str | Path | None
     overwrite: bool
     progress: Progress | None
 
@@ -78,10 +88,10 @@ def run_baseline(
     method: str = "spectral",
     similarity: str | None = None,
     ks: Iterable[int] | None = None,
-    at_k_of: Path | None = None,
+    at_k_of: str | Path | None = None,
     config: Config | None = None,
     descriptor: Descriptor | None = None,
-    out: Path | None = None,
+    out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> BaselineRun:
@@ -126,13 +136,13 @@ def run_baseline(
         images = _undescribed(material)
         order.method.check(images)
         folder = out or free_folder(RUNS, f"{material.name}-{material.descriptor}-{method}")
-        writer = PartitionWriter(folder, _manifest(material, config, order, at_k_of), overwrite=overwrite)
-        with _closed_if_stopped(writer):
-            return _run(material, images, config, order, writer, progress)
+        about = _manifest(material, config, order, at_k_of)
+        with ResultFolder(folder, KIND, about, files=[TABLE], overwrite=overwrite) as held:
+            return _run(material, images, config, order, held, progress)
 
 
 def check_options(
-    *, method: str, similarity: str | None = None, ks: Iterable[int] | None = None, at_k_of: Path | None = None
+    *, method: str, similarity: str | None = None, ks: Iterable[int] | None = None, at_k_of: str | Path | None = None
 ) -> None:
     """Refuse what no sequence could make right, without looking at one; `run_baseline` describes each.
 
@@ -157,20 +167,7 @@ def _opened(source: str | Path | Sequence, config: Config, descriptor: Descripto
         yield image_material(sequence, config, descriptor or config.make_descriptor(), cache)
 
 
-@contextmanager
-def _closed_if_stopped(writer: PartitionWriter) -> Iterator[None]:
-    """Say in the folder why the block did not reach its end."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        writer.close("interrupted", {"reason": "interrupted by the user"})
-        raise
-    except OmnievalError as error:
-        writer.close("failed", {"reason": str(error)})
-        raise
-
-
-def _order(method: str, similarity: str | None, ks: Iterable[int] | None, at_k_of: Path | None) -> _Order:
+def _order(method: str, similarity: str | None, ks: Iterable[int] | None, at_k_of: str | Path | None) -> _Order:
     if method not in METHODS:
         raise ConfigError(f"unknown method {method!r}; {did_you_mean(method, METHODS)}")
     known = METHODS[method]
@@ -191,7 +188,7 @@ def _order(method: str, similarity: str | None, ks: Iterable[int] | None, at_k_o
     return _Order(method, known, chosen if known.takes_similarity else None, tuple(sorted(asked)))
 
 
-def _nodes_of(folder: Path) -> int:
+def _nodes_of(folder: str | Path) -> int:
     nodes = open_run(folder).metrics.get("nodes")
     if not nodes:
         raise ConfigError(f"{folder} has no number of nodes; name the folder of a complete replay")
@@ -213,7 +210,7 @@ def _run(
     undescribed: Images,
     config: Config,
     order: _Order,
-    writer: PartitionWriter,
+    folder: ResultFolder,
     progress: Progress | None,
 ) -> BaselineRun:
     seed = config.mapper.seed
@@ -222,6 +219,7 @@ def _run(
     started = time.perf_counter()
     partition = order.method.prepare(images, order.similarity or "gaussian-median", max(order.ks, default=0), seed)
     shared = time.perf_counter() - started
+    table = PARTITIONS.to_frame()
     reasons: dict[str, dict[str, None]] = {}
     asked = order.ks or (0,)
     for done, k in enumerate(asked, start=1):
@@ -232,7 +230,9 @@ def _run(
         for name, reason in evaluation.reasons.items():
             reasons.setdefault(name, {})[reason] = None
         made = {"dataset": material.name, "descriptor": material.descriptor, "method": order.name}
-        writer.row(made | {"similarity": order.similarity, "k": k or None} | evaluation.metrics | {"seconds": seconds})
+        row = made | {"similarity": order.similarity, "k": k or None} | evaluation.metrics | {"seconds": seconds}
+        table = pl.concat([table, pl.DataFrame([row], schema=PARTITIONS)])
+        write_table(table, folder.path / TABLE)
         if progress:
             progress(done, len(asked))
     fingerprint = dataset_fingerprint(material.frames, digests)
@@ -241,9 +241,11 @@ def _run(
         "dataset_fingerprint": fingerprint,
         "identity": identity(determining, fingerprint),
         "null_reasons": {name: "; ".join(why) for name, why in reasons.items()},
+        "content_hashes": {KIND: content_hash(table)},
         "timings": {"shared_seconds": shared, "seconds": time.perf_counter() - started},
     }
-    return BaselineRun(writer.folder, writer.close("complete", outcome), writer.table)
+    folder.complete(outcome)
+    return BaselineRun(folder.path, folder.content, table)
 
 
 def _undescribed(material: Material) -> Images:
@@ -263,7 +265,7 @@ def _describe(material: Material, progress: Progress | None) -> tuple[NDArray[np
     return np.stack(descriptors), digests
 
 
-def _manifest(material: Material, config: Config, order: _Order, at_k_of: Path | None) -> dict[str, Any]:
+def _manifest(material: Material, config: Config, order: _Order, at_k_of: str | Path | None) -> dict[str, Any]:
     """Return what ``run.json`` says when the baseline begins."""
     extra = order.method.extra
     return {

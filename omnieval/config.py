@@ -111,9 +111,19 @@ def owners(mapper: Any = None, descriptor: Any = None, *, everything: bool = Tru
     return found
 
 
-def parameters(mapper: Any = None, descriptor: Any = None) -> dict[str, FieldInfo]:
+def parameters(mapper: Any = None, descriptor: Any = None, *, everything: bool = True) -> dict[str, FieldInfo]:
     """Return every parameter by the name it is set with; see `owners`."""
-    return {owner.full(name): field for owner in owners(mapper, descriptor) for name, field in owner.fields.items()}
+    found = owners(mapper, descriptor, everything=everything)
+    return {owner.full(name): field for owner in found for name, field in owner.fields.items()}
+
+
+def full_name(name: str, mapper: Any = None, descriptor: Any = None) -> str | None:
+    """Return the name that a parameter of the chosen components, or of imaging, is set with; None if they have none."""
+    all_owners = owners(mapper, descriptor, everything=False)
+    place = _place(Setting(name, None, ""), all_owners)
+    if isinstance(place, str):
+        return None
+    return next(owner for owner in all_owners if owner.name == place[0]).full(place[1])
 
 
 def presets(mapper: Any = None) -> dict[str, Mapping[str, Any]]:

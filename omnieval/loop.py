@@ -179,27 +179,19 @@ def run(
     if fault := too_short(mapper, len(material.frames)):
         raise ConfigError(f"{material.source}: {fault}")
     method = Method.of(mapper, config.mapper.name, config.mapper.settings)
-    writer = RunWriter(folder, _manifest(material, config, method), overwrite=overwrite)
-    trace = _Trace()
-    sink = None
-    try:
-        if recording:
-            from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
-
-            sink = RecordingSink(writer.folder / RECORDING, material, method, recording)
-        return _run(material, config, mapper, writer, trace, sink, progress)
-    except KeyboardInterrupt:
-        writer.abandon("interrupted", "interrupted by the user", trace.fingerprint(material))
-        raise
-    except Exception as error:
-        writer.abandon("failed", str(error), trace.fingerprint(material))
-        raise
-    finally:
+    with RunWriter(folder, _manifest(material, config, method), overwrite=overwrite) as writer:
+        trace = _Trace()
+        writer.known_early = lambda: {"dataset_fingerprint": trace.fingerprint(material)}
+        sink = None
         try:
+            if recording:
+                from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
+
+                sink = RecordingSink(writer.path / RECORDING, material, method, recording)
+            return _run(material, config, mapper, writer, trace, sink, progress)
+        finally:
             if sink:
                 sink.close()
-        finally:
-            writer.release()
 
 
 def made_mapper(component: Component) -> Mapper:
@@ -274,7 +266,7 @@ def _run(
         "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
         "transitions": transitions_frame(final),
     }
-    run = writer.complete(tables, _outcome(material, config.mapper, trace, evaluation, seconds))
+    run = writer.finish(tables, _outcome(material, config.mapper, trace, evaluation, seconds))
     if sink is None:
         return run
     # Only now, when nothing that happens to the view can touch the record any more.

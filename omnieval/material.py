@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Sequence as Frames
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
@@ -183,7 +184,7 @@ def reopened(run: Run) -> Iterator[Material]:
     cut = Cut(**manifest["cut"])
     source: str = manifest["source"]
     if (file := archive_file(source)) is not None:
-        yield _held_against(run, _of_archive(file, cut))
+        yield _of_run(run, _of_archive(file, cut))
         return
     config = dataclasses.replace(config, descriptor=config.descriptor.again())
     sequence = load(source).cut(**dataclasses.asdict(cut))
@@ -193,7 +194,7 @@ def reopened(run: Run) -> Iterator[Material]:
     sequence = dataclasses.replace(sequence, frames=kept, calibration=())
     with DescriptorCache() as cache:
         camera = camera_of(manifest["camera"], image_size(sequence, cache))
-        yield _held_against(run, _of_images(sequence, config, cache, skipped, camera))
+        yield _of_run(run, _of_images(sequence, config, cache, skipped, camera))
 
 
 def archive_file(source: Source) -> Path | None:
@@ -290,32 +291,48 @@ def _of_arrays(archive: Archive, chosen: Iterable[int]) -> Iterator[DescribedFra
         yield DescribedFrame(description, _digest(description))
 
 
-def _held_against(run: Run, material: Material) -> Material:
-    """Return the material of a run, whose descriptions end in an error if they are not those it replayed."""
-    steps, manifest = run.steps, run.manifest
-    files = [frame.file for frame in material.frames[: len(steps)]]
+def held_against(material: Material, files: Frames[str], fingerprint: str | None, where: str) -> Material:
+    """Return material whose descriptions end in an error if they are not those that a run replayed.
+
+    Parameters
+    ----------
+    material
+        What is opened again.
+    files, fingerprint
+        Names of the run's images, and what `dataset_fingerprint` makes of them; None where that is not known.
+    where
+        What to call the run.
+
+    Raises
+    ------
+    ResultError
+        If the names are others.
+    """
     again = "replay it again"
-    if files != steps["file"].to_list():
-        before = steps["file"].to_list()
-        at = next((i for i, (one, other) in enumerate(zip(files, before, strict=False)) if one != other), len(files))
-        here = files[at] if at < len(files) else "nothing"
-        raise ResultError(f"step {at} of {run.folder} is of {before[at]}, {material.source} has {here} there; {again}")
-    fingerprint = manifest.get("dataset_fingerprint")
+    here = [frame.file for frame in material.frames[: len(files)]]
+    if here != list(files):
+        at = next((i for i, (one, other) in enumerate(zip(here, files, strict=False)) if one != other), len(here))
+        found = here[at] if at < len(here) else "nothing"
+        raise ResultError(f"step {at} of {where} is of {files[at]}, {material.source} has {found} there; {again}")
 
     def described() -> Iterator[DescribedFrame]:
         digests = []
         for one in material.described:
             digests.append(one.digest)
-            if len(digests) == len(steps) and fingerprint is not None:
-                found = dataset_fingerprint(material.frames[: len(steps)], digests)
+            if len(digests) == len(files) and fingerprint is not None:
+                found = dataset_fingerprint(material.frames[: len(files)], digests)
                 if found != fingerprint:
                     raise ResultError(
-                        f"the images, poses or labels of {material.source} are not those that {run.folder} replayed; "
-                        f"{again}"
+                        f"the images, poses or labels of {material.source} are not those that {where} replayed; {again}"
                     )
             yield one
 
     return dataclasses.replace(material, described=described())
+
+
+def _of_run(run: Run, material: Material) -> Material:
+    files = run.steps["file"].to_list()
+    return held_against(material, files, run.manifest.get("dataset_fingerprint"), str(run.folder))
 
 
 def _within_a_building(frame: Frame) -> Frame:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import polars as pl
+
+from omnieval.components import Component
 from omnieval.errors import ResultError
 from omnieval.loop import made_mapper
 from omnieval.mapping.memory import AHEAD, blocks
@@ -14,29 +17,40 @@ from omnieval.results.tables import read_steps
 
 
 def remapped(run: Run, material: Material) -> Iterator[Step]:
-    """Yield the steps of a run again, with their curves.
+    """Yield the steps of a run again, with their curves; see `decided_again`."""
+    return decided_again(run.config.mapper, run.steps, material, str(run.folder))
+
+
+def decided_again(mapper: Component, steps: pl.DataFrame, material: Material, where: str) -> Iterator[Step]:
+    """Yield steps again, with their curves.
 
     Parameters
     ----------
-    run
-        A run.
+    mapper
+        What decided.
+    steps
+        What it decided (`schemas.steps_schema`).
     material
-        What it replayed (`material.reopened`).
+        What was replayed (`material.reopened`).
+    where
+        What to call the run.
 
     Raises
     ------
     ConfigError, ResultError
-        If the mapper cannot be made again, or decides otherwise than the tables say.
+        If the mapper cannot be made again, or decides otherwise than the table says.
     """
-    mapper = made_mapper(run.config.mapper.again())
-    before = read_steps(run.steps, run.method.columns)
+    again = made_mapper(mapper.again())
+    expect = getattr(again, "expect", None)
+    before = read_steps(steps, ())
     for block in blocks(zip(before, material.described, strict=False), AHEAD):
-        mapper.expect([described.description for _, described in block])
+        if expect:
+            expect([described.description for _, described in block])
         for (recorded, _), described in block:
-            step = mapper.step(described.description)
+            step = again.step(described.description)
             if (step.verdict, step.node, step.match) != (recorded.verdict, recorded.node, recorded.match):
                 raise ResultError(
-                    f"step {step.frame} of {run.folder} comes out otherwise now: {recorded.verdict} became "
-                    f"{step.verdict}; the machine or a library may have changed it, so replay the sequence again"
+                    f"step {step.frame} of {where} comes out otherwise now: {recorded.verdict} became {step.verdict}; "
+                    "the machine or a library may have changed it, so replay the sequence again"
                 )
             yield step

@@ -1,7 +1,8 @@
 """The axes of an ablation, and the configurations of their grid.
 
-An axis varies one parameter of `omnieval.config.parameters`. Its values are numbers as ``first:last:step`` (the last
-one included) or lists; decimals are exact, so that ``1.7:2.3:0.15`` is 1.7, 1.85, 2.0, 2.15, 2.3.
+An axis varies one parameter of `omnieval.config.parameters`, or the components: ``mapper`` and ``descriptor``. A
+parameter that only some of these have is varied for those. Values are numbers as ``first:last:step`` (the last one
+included) or lists; decimals are exact, so that ``1.7:2.3:0.15`` is 1.7, 1.85, 2.0, 2.15, 2.3.
 """
 
 from __future__ import annotations
@@ -11,16 +12,16 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
-from omnieval.config import Config, Setting, parameters, resolve
+from omnieval.components import BUILT_IN, Component
+from omnieval.config import Config, Setting, full_name, parameters, presets, resolve
 from omnieval.errors import ConfigError
-from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.interface import BranchingMapper
 
-THRESHOLDS = ("omega", "merge_y", "gamma")
-"""Parameters that numbers are compared with, so that an interval of their values falls into pieces."""
+COMPONENTS = tuple(reversed(BUILT_IN))
+"""Axes of components, which are varied before parameters."""
 MOST_VALUES = 1000
 """Values of one range; more is a slip of the step."""
 _ROUNDING = Decimal("1e-9")
@@ -77,7 +78,7 @@ def parse_span(text: str) -> Span:
     Raises
     ------
     ConfigError
-        If it is not understood, or the parameter is none whose values part an interval.
+        If it is not understood.
     """
     name, separator, values = text.partition("=")
     name = name.strip().removeprefix("mapper.")
@@ -87,8 +88,6 @@ def parse_span(text: str) -> Span:
         separator = ""
     if not separator:
         raise ConfigError(f"--exact {text!r}: expected NAME=FIRST:LAST, for example --exact merge_y=0.5:3")
-    if name not in THRESHOLDS:
-        raise ConfigError(f"--exact {text!r}: only {', '.join(THRESHOLDS)} are thresholds; vary {name} with --vary")
     if not first < last:
         raise ConfigError(f"--exact {text!r}: the first value must be below the last")
     return Span(name, first, last)
@@ -125,7 +124,8 @@ def make_axis(name: str, values: Any, origin: str) -> Axis:
         If there is no value, or a range is not understood.
     """
     given = (values,) if isinstance(values, str) or not isinstance(values, Iterable) else tuple(values)
-    spread = tuple(value for one in given for value in (_spread(one, origin) if isinstance(one, str) else (one,)))
+    apart = _listed if name in COMPONENTS else _spread  # the colon of module:Class is no range
+    spread = tuple(value for one in given for value in (apart(one, origin) if isinstance(one, str) else (one,)))
     if not spread or "" in spread:
         raise ConfigError(f"{name}: an axis needs values, for example 1.7:2.3:0.15 or 20,30 ({origin})")
     return Axis(name.removeprefix("mapper."), spread, origin)
@@ -148,7 +148,7 @@ def configurations(
     *,
     exact: Span | None = None,
 ) -> list[Config]:
-    """Return the configuration of every point of the grid, the last axis varying fastest.
+    """Return the configuration of every point of the grid: components first, then the last axis varying fastest.
 
     With `exact`, its parameter has its first value in all of them.
 
@@ -157,33 +157,101 @@ def configurations(
     ConfigError
         One line with every fault of the axes, the settings and the preset.
     """
-    spanned = [] if exact is None else [Axis(exact.name, (exact.first, exact.last), exact.origin)]
-    faults = [*_clashes([*axes, *spanned], settings), *_faults(settings, preset)]
-    for axis in (*axes, *spanned):
-        # Values of a name that is unknown share one fault.
-        faults += dict.fromkeys(
-            fault for value in axis.values for fault in _faults([Setting(axis.name, value, axis.origin)], None)
-        )
+    chosen = [_choice(kind, axes, settings) for kind in COMPONENTS]
+    others = [axis for axis in axes if axis.name not in COMPONENTS]
+    settings = [setting for setting in settings if setting.name not in COMPONENTS]
+    faults = _clashes(axes, settings, exact)
+    pairs = list(itertools.product(*chosen))
+    grids = [_Grid(dict(zip(COMPONENTS, pair, strict=True)), others, settings, preset, exact) for pair in pairs]
+    for grid in grids:
+        faults += grid.faults(grids)
     if faults:
-        raise ConfigError("; ".join(faults))
-    points = itertools.product(*([Setting(axis.name, value, axis.origin) for value in axis.values] for axis in axes))
-    settings = [*settings, *(Setting(axis.name, axis.values[0], axis.origin) for axis in spanned)]
-    configs = [resolve([*settings, *point], preset=preset) for point in points]
-    twice = [axis for axis in axes if len({value_of(config, axis.name) for config in configs}) < len(axis.values)]
-    if twice:
-        raise ConfigError("; ".join(f"{axis.name}: a value stands there twice ({axis.origin})" for axis in twice))
-    return configs
+        raise ConfigError("; ".join(dict.fromkeys(faults)))
+    return [config for grid in grids for config in grid.points()]
 
 
 def value_of(config: Config, name: str) -> Any:
-    """Return the value of a parameter by the name it is set with."""
-    holder = config.mapper if name in MapperConfig.model_fields else config
-    return reduce(getattr, name.split("."), holder)
+    """Return the value of a parameter, or the name of a component, None if the configuration has none of that name."""
+    if name in COMPONENTS:
+        return getattr(config, name).name
+    return config.settings.get(full_name(name, config.mapper, config.descriptor) or name)
 
 
-def flattened(config: Config) -> dict[str, Any]:
-    """Return all parameters by the names they are set with."""
-    return {name: value_of(config, name) for name in parameters()}
+@dataclass(frozen=True)
+class _Grid:
+    """The points of one mapper and one descriptor, with what concerns these of axes, settings and preset."""
+
+    components: Mapping[str, Any]
+    axes: Sequence[Axis]
+    settings: Sequence[Setting]
+    preset: str | None
+    exact: Span | None
+
+    def points(self) -> list[Config]:
+        """Return the configurations."""
+        axes = [axis for axis in self.axes if self._has(axis.name)]
+        fixed = [setting for setting in self.settings if self._has(setting.name) or "." in setting.name]
+        if self.exact:
+            fixed.append(Setting(self.exact.name, self.exact.first, self.exact.origin))
+        points = itertools.product(
+            *([Setting(axis.name, value, axis.origin) for value in axis.values] for axis in axes)
+        )
+        preset = self.preset if self.preset in presets(self.components["mapper"]) else None
+        configs = [resolve([*fixed, *point], preset=preset, **self.components) for point in points]
+        twice = [axis for axis in axes if len({value_of(config, axis.name) for config in configs}) < len(axis.values)]
+        if twice:
+            raise ConfigError("; ".join(f"{axis.name}: a value stands there twice ({axis.origin})" for axis in twice))
+        return configs
+
+    def faults(self, grids: Sequence[_Grid]) -> list[str]:
+        """Return what is wrong for these components; what others of the grids have is no fault."""
+        given = [*self.settings]
+        for axis in self.axes:
+            given += [Setting(axis.name, value, axis.origin) for value in axis.values]
+        if self.exact:
+            given += [
+                Setting(self.exact.name, value, self.exact.origin) for value in (self.exact.first, self.exact.last)
+            ]
+        mine = [one for one in given if self._has(one.name) or not any(grid.has(one.name) for grid in grids)]
+        known = any(self.preset in presets(grid.components["mapper"]) for grid in grids)
+        preset = None if known and self.preset not in presets(self.components["mapper"]) else self.preset
+        faults = self._fault([], preset)
+        for one in mine:
+            faults += self._fault([one], None)
+        return faults + ([] if faults or self.exact is None else self._fault_of_span(self.exact))
+
+    def has(self, name: str) -> bool:
+        """Whether one of these components has a parameter."""
+        return self._has(name)
+
+    def _has(self, name: str) -> bool:
+        return full_name(name, **self.components) is not None
+
+    def _fault(self, settings: Sequence[Setting], preset: str | None) -> list[str]:
+        try:
+            resolve(settings, preset=preset, **self.components)
+        except ConfigError as error:
+            return [str(error)]
+        return []
+
+    def _fault_of_span(self, exact: Span) -> list[str]:
+        """See that the values of the parameter part an interval: only those that enter through comparisons do."""
+        mapper: Component = resolve(**self.components).mapper
+        swept = mapper.cls.swept if issubclass(mapper.cls, BranchingMapper) else ()
+        fields = parameters(everything=False, **self.components)
+        thresholds = [name for name in swept if fields[name].annotation is float]
+        if exact.name in thresholds:
+            return []
+        some = f"only {', '.join(thresholds)} are thresholds" if thresholds else "it has no thresholds"
+        return [f"{exact.origin}: of {mapper.name} {some}; vary {exact.name} with --vary"]
+
+
+def _choice(kind: str, axes: Sequence[Axis], settings: Sequence[Setting]) -> tuple[Any, ...]:
+    """Return what an axis, or else a setting, chooses of a kind of component; the default if neither does."""
+    for axis in axes:
+        if axis.name == kind:
+            return axis.values
+    return next(((setting.value,) for setting in reversed(settings) if setting.name == kind), (None,))
 
 
 def _spread(text: str, origin: str) -> tuple[str, ...]:
@@ -193,6 +261,11 @@ def _spread(text: str, origin: str) -> tuple[str, ...]:
         for part in text.split(",")
         for value in (_steps(part.strip(), origin) if ":" in part else (part.strip(),))
     )
+
+
+def _listed(text: str, origin: str) -> tuple[str, ...]:
+    del origin
+    return tuple(part.strip() for part in text.split(","))
 
 
 def _steps(text: str, origin: str) -> tuple[str, ...]:
@@ -211,22 +284,21 @@ def _steps(text: str, origin: str) -> tuple[str, ...]:
     return tuple(f"{beyond(first + number * step, last):f}" for number in range(int(steps + _ROUNDING) + 1))
 
 
-def _clashes(axes: Sequence[Axis], settings: Sequence[Setting]) -> list[str]:
-    names = [axis.name for axis in axes]
+def _clashes(axes: Sequence[Axis], settings: Sequence[Setting], exact: Span | None) -> list[str]:
+    names = [*(axis.name for axis in axes), *([exact.name] if exact else [])]
     fixed = {setting.name.removeprefix("mapper."): setting.origin for setting in settings}
     twice = [
         f"{name} is varied twice; give all its values at once" for name in dict.fromkeys(names) if names.count(name) > 1
     ]
-    return twice + [
-        f"{axis.name} is both varied ({axis.origin}) and set ({fixed[axis.name]}); drop one"
+    again = [
+        f"{axis.name}: a value stands there twice ({axis.origin})"
         for axis in axes
-        if axis.name in fixed
+        if axis.name in COMPONENTS and len(set(map(str, axis.values))) < len(axis.values)
     ]
-
-
-def _faults(settings: Sequence[Setting], preset: str | None) -> list[str]:
-    try:
-        resolve(settings, preset=preset)
-    except ConfigError as error:
-        return [str(error)]
-    return []
+    origins = {axis.name: axis.origin for axis in axes} | ({exact.name: exact.origin} if exact else {})
+    both = [
+        f"{name} is both varied ({origin}) and set ({fixed[name]}); drop one"
+        for name, origin in origins.items()
+        if name in fixed
+    ]
+    return twice + again + both

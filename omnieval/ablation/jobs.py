@@ -10,16 +10,48 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.ablation.grid import Span, flattened
-from omnieval.baselines.similarity import similarity_matrix
+from omnieval.ablation.grid import Span
+from omnieval.baselines.similarity import similarity_matrix, too_many
 from omnieval.baselines.spectral import spectral_embedding
 from omnieval.config import Config
-from omnieval.datasets.sequence import Frame, Sequence
+from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.description import Description
-from omnieval.material import Material
+from omnieval.errors import ConfigError
+from omnieval.material import Cut, Material, Source
 from omnieval.metrics.evaluation import evaluate
 from omnieval.results.atomic import replacing
 from omnieval.results.provenance import dataset_fingerprint
+
+
+@dataclass(frozen=True)
+class Input:
+    """Images to map: a sequence, or an archive of descriptors.
+
+    Attributes
+    ----------
+    name, source
+        What they are called, and what opens them again.
+    cut
+        Which of the source's frames.
+    images
+        How many there are.
+    given
+        What to open: a sequence that is cut already, or the file of an archive.
+    skipped
+        Names of images that were left out because they are not fit for use; None if nobody asked for that.
+    """
+
+    name: str
+    source: str
+    cut: Cut
+    images: int
+    given: Source
+    skipped: tuple[str, ...] | None = None
+
+    @property
+    def rest(self) -> Cut:
+        """What is still to be cut when it is opened."""
+        return self.cut if isinstance(self.given, Path) else Cut()
 
 
 @dataclass(frozen=True)
@@ -30,16 +62,16 @@ class Job:
     ----------
     number
         Its place in the grid, from 0.
-    sequence
+    input
         The images.
     config
-        The parameters.
+        The components with their parameters.
     span
         The parameter that takes all values of an interval, and the first and the last of them; None for a point.
     """
 
     number: int
-    sequence: Sequence
+    input: Input
     config: Config
     span: Span | None = None
 
@@ -48,9 +80,11 @@ class Job:
         """What determines the row: the columns that are known before it is run."""
         return {
             "job": self.number,
-            "dataset": self.sequence.name,
-            "source": self.sequence.source,
-            **flattened(self.config),
+            "dataset": self.input.name,
+            "source": self.input.source,
+            "mapper": self.config.mapper.name,
+            "descriptor": self.config.descriptor.name,
+            **self.config.settings,
         }
 
 
@@ -122,11 +156,18 @@ def batch_silhouettes(described: Described, ks: list[int], seed: int) -> dict[in
     """Return the silhouette of spectral clustering (median-scaled Gaussian) at each number of clusters.
 
     One eigendecomposition serves them all. Null without poses and where there are fewer than two clusters.
+
+    Raises
+    ------
+    ConfigError
+        If there are too many images for a matrix of all pairs.
     """
     usable = [k for k in ks if k > 1]
     silhouettes: dict[int, float | None] = dict.fromkeys(ks)
     if described.positions is None or not usable:
         return silhouettes
+    if fault := too_many(len(described.frames)):
+        raise ConfigError(fault)
     embedding = spectral_embedding(similarity_matrix(described.load("position"), "gaussian-median"), max(usable))
     for k in usable:
         labels = embedding.cluster(k, seed=seed)

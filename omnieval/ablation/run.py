@@ -28,7 +28,7 @@ from omnieval.loop import replay
 from omnieval.material import image_material
 from omnieval.recording.records import RecordingOptions
 from omnieval.results.content import content_hash
-from omnieval.results.manifest import Manifest
+from omnieval.results.folder import ResultFolder, hold_folder, reason_of
 from omnieval.results.provenance import code_digest, versions
 from omnieval.results.run_folder import free_folder
 
@@ -48,10 +48,14 @@ class JobFailedError(OmnievalError):
 
 @dataclass(frozen=True)
 class Ablation:
-    """An ablation folder and its table (`schemas.ABLATION`)."""
+    """An ablation folder and its table (`schemas.ABLATION`).
+
+    `lacking` says why rows have no ``batch_silhouette`` that could have one.
+    """
 
     folder: Path
     table: pl.DataFrame
+    lacking: str | None = None
 
     @property
     def failed(self) -> int:
@@ -63,7 +67,7 @@ class Options(TypedDict, total=False):
     """How an ablation is run; `run_plan` describes each."""
 
     jobs: int
-    out: Path | None
+    out: str | Path | None
     resume: bool
     overwrite: bool
     csv: bool
@@ -117,7 +121,7 @@ def run_plan(
     plan: Plan,
     *,
     jobs: int = 1,
-    out: Path | None = None,
+    out: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
     csv: bool = False,
@@ -169,37 +173,19 @@ def run_plan(
             refuse_bad(sequence, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
     work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
-    begun = _resumed(work) if resume and store.exists() else _created(work, overwrite=overwrite)
-    with begun as (manifest, described):
-        return _finish(work, described, manifest, csv=csv, record_best=record_best)
-
-
-_Begun = Iterator[tuple[Manifest, dict[str, Described]]]
-"""An ablation under way; when the block ends, its folder is closed and let go."""
-
-
-@contextmanager
-def _created(work: _Work, *, overwrite: bool) -> _Begun:
-    manifest = work.store.create(work.guard, overwrite=overwrite)
-    with manifest.closing(), _dropping_descriptors(work.store):
-        described = work.describe()
-        manifest.update(fingerprints(described))
-        yield manifest, described
-
-
-@contextmanager
-def _resumed(work: _Work) -> _Begun:
-    work.store.check(work.guard)
-    try:
+    resume = resume and store.exists()
+    held = store.open(None if resume else work.guard, overwrite=overwrite, resume=resume)
+    with held as folder, _dropping_descriptors(store):
+        if resume:
+            store.check(work.guard)
         described = work.describe()
         prints = fingerprints(described)
-        work.store.check(prints)  # before ``run.json`` is written: if the images are others, it stays as it is
-    except BaseException:
-        work.store.drop_descriptors()
-        raise
-    manifest = work.store.resume(work.guard | prints)
-    with manifest.closing(), _dropping_descriptors(work.store):
-        yield manifest, described
+        if resume:
+            store.check(prints)  # before ``run.json`` is written: if the images are others, it stays as it is
+            folder.begin(work.guard | prints)
+        else:
+            folder.update(prints)
+        return _finish(work, described, folder, csv=csv, record_best=record_best)
 
 
 @contextmanager
@@ -211,7 +197,7 @@ def _dropping_descriptors(store: Store) -> Iterator[None]:
 
 
 def check_options(
-    exact: Span | None, *, jobs: int, out: Path | None, resume: bool, overwrite: bool, keep: bool
+    exact: Span | None, *, jobs: int, out: str | Path | None, resume: bool, overwrite: bool, keep: bool
 ) -> None:
     """Refuse options that contradict each other; `keep` is whether anything of single runs is to be kept.
 
@@ -301,32 +287,54 @@ class _Work:
                 if self.progress:
                     self.progress(ended, len(self.plan.jobs))
 
-    def table(self, pool: Executor, described: Mapping[str, Described]) -> pl.DataFrame:
-        """Return all rows, each beside batch clustering with as many clusters as its map has nodes."""
-        rows = self.store.rows()
-        shared: dict[tuple[str, int], set[int]] = {}
+    def with_batch(
+        self, pool: Executor, described: Mapping[str, Described], rows: Sequence[dict[str, Any]]
+    ) -> tuple[pl.DataFrame, str | None]:
+        """Return the rows beside batch clustering with as many clusters as each map has nodes, and why some lack it.
+
+        It compares all images with each other, which may need more memory than there is.
+        """
         of_job = {job.number: (dataset_key(job), job.config.mapper.seed) for job in self.plan.jobs}
+        shared: dict[tuple[str, int], set[int]] = {}
         for row in rows:
             if row.get("nodes"):
                 shared.setdefault(of_job[row["job"]], set()).add(row["nodes"])
         futures = {
-            key: pool.submit(batch_silhouettes, described[key[0]], sorted(ks), key[1]) for key, ks in shared.items()
+            (dataset, seed): _batch(pool, described[dataset], sorted(ks), seed)
+            for (dataset, seed), ks in shared.items()
         }
-        batch = {key: future.result() for key, future in futures.items()}
-        return rows_table(
-            {**row, "batch_silhouette": batch[of_job[row["job"]]][row["nodes"]] if row.get("nodes") else None}
-            for row in rows
+        errors = {key: error for key, future in futures.items() if (error := future.exception())}
+        batch = {key: future.result() for key, future in futures.items() if key not in errors}
+        table = rows_table(
+            {**row, "batch_silhouette": batch.get(of_job[row["job"]], {}).get(row.get("nodes") or 0)} for row in rows
         )
+        return table, "; ".join(dict.fromkeys(_why(error) for error in errors.values())) or None
 
     def _steps_files(self, tree: Sequence[Job]) -> dict[int, Path]:
         return {job.number: self.store.steps_file(job.number) for job in tree if self.keep_steps}
+
+
+def _batch(pool: Executor, described: Described, ks: list[int], seed: int) -> Future[dict[int, float | None]]:
+    """Have batch clustering done; a pool whose processes have been killed already gives its error in the future too."""
+    try:
+        return pool.submit(batch_silhouettes, described, ks, seed)
+    except BrokenExecutor as error:
+        future: Future[dict[int, float | None]] = Future()
+        future.set_exception(error)
+        return future
+
+
+def _why(error: BaseException) -> str:
+    if isinstance(error, BrokenExecutor):
+        return "a worker process was killed, perhaps for want of memory"
+    return reason_of(error)
 
 
 def _by_job(tree: Sequence[Job], future: Future[list[dict[str, Any]]]) -> list[tuple[Job, list[dict[str, Any]]]]:
     """Return the rows of each job of a tree that has ended."""
     error = future.exception()
     if isinstance(error, BrokenExecutor):
-        raise OmnievalError("a worker process was killed, perhaps for want of memory; --resume with fewer --jobs")
+        raise OmnievalError(f"{_why(error)}; --resume with fewer --jobs")
     rows = [failed_row(job, error) for job in tree] if error else future.result()
     return [(job, [row for row in rows if row["job"] == job.number]) for job in tree]
 
@@ -337,23 +345,26 @@ def _done(parts: Mapping[int, Sequence[Mapping[str, Any]]]) -> set[int]:
 
 
 def _finish(
-    work: _Work, described: Mapping[str, Described], manifest: Manifest, *, csv: bool, record_best: bool
+    work: _Work, described: Mapping[str, Described], folder: ResultFolder, *, csv: bool, record_best: bool
 ) -> Ablation:
     """Run the jobs, write the table and what else was asked for."""
     started = time.perf_counter()
     with workers(work.processes) as pool:
         work.run(pool, described)
-        table = work.table(pool, described)
+        rows = work.store.rows()
+        work.store.write(rows_table(rows), csv=csv)  # what else befalls us, the sweep has its table
+        table, lacking = work.with_batch(pool, described, rows)
     work.store.write(table, csv=csv)
-    ablation = Ablation(work.store.folder, table)
+    ablation = Ablation(work.store.folder, table, lacking)
     if record_best and (best := best_run(table)) is not None:
         job = work.plan.jobs[best]
         out = ablation.folder / BEST
         replay(job.sequence, config=job.config, out=out, overwrite=True, recording=RecordingOptions())
-    manifest.update(
+    folder.complete(
         {
             "jobs": len(table),
             "failed_jobs": ablation.failed,
+            "null_reasons": {"batch_silhouette": lacking} if lacking else {},
             "content_hashes": {KIND: content_hash(table)},
             "timings": {"seconds": time.perf_counter() - started, "processes": work.processes},
         }
@@ -367,13 +378,14 @@ def best_run(table: pl.DataFrame) -> int | None:
     return None if scored.is_empty() else int(scored["job"][int(scored["silhouette"].arg_max() or 0)])
 
 
-def job_states(plan: Plan, out: Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:
+def job_states(plan: Plan, out: str | Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:
     """Return every job with ``done``, or why it is not; nothing is written and no image is read."""
     store = Store(out) if out else None
     if store is None or not store.exists():
         return [(job, "not started") for job in plan.jobs]
-    store.check(guard_of(plan, keep_steps=keep_steps))
-    parts = store.parts()
+    with hold_folder(store.folder, KIND):
+        store.check(guard_of(plan, keep_steps=keep_steps))
+        parts = store.parts()
     return [(job, _state(parts.get(job.number))) for job in plan.jobs]
 
 

@@ -22,8 +22,8 @@ import polars as pl
 from omnieval.errors import ResultError
 from omnieval.results.atomic import replacing, write_json, write_table
 from omnieval.results.compare import differing
-from omnieval.results.inside import report_inside, results_inside
-from omnieval.results.manifest import MANIFEST, Manifest, read_manifest, refuse_running
+from omnieval.results.folder import ResultFolder, report_inside, results_inside
+from omnieval.results.manifest import MANIFEST, expanded, read_manifest
 from omnieval.results.run_folder import FILES
 from omnieval.results.run_folder import KIND as RUN
 from omnieval.results.schemas import ABLATION
@@ -46,23 +46,26 @@ class Store:
         The folder of the ablation; need not exist yet.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = expanded(folder)
 
-    def create(self, content: dict[str, Any], *, overwrite: bool) -> Manifest:
-        """Begin a new ablation; of an earlier one all is removed that it, or the report on it, wrote.
+    def open(self, content: dict[str, Any] | None, *, overwrite: bool = False, resume: bool = False) -> ResultFolder:
+        """Return the folder to be written; of an earlier ablation all is removed that it, or the report on it, wrote.
 
-        Raises
-        ------
-        ResultError
-            If the folder holds something already (of another kind, if `overwrite`) or cannot be written.
+        Parameters
+        ----------
+        content
+            What is known at the start; see `ResultFolder`, as for errors.
+        overwrite
+            Replace an earlier ablation.
+        resume
+            Keep its parts and go on with it; `check` tells whether it is the same.
         """
-        own = (TABLE, CSV, f"{_PARTS}/*.json", f"{_STEPS}/*.parquet", f"{_DESCRIPTORS}/*/*.npy")
-        best = results_inside(self.folder, BEST, RUN, (*FILES, *report_inside(self.folder / BEST)))
-        files = (*own, *best, *report_inside(self.folder))
-        manifest = Manifest(self.folder, KIND, content, files=files, overwrite=overwrite)
-        self.make(_PARTS)
-        return manifest
+        files = [TABLE, CSV]
+        if not resume:
+            best = results_inside(self.folder, BEST, RUN, (*FILES, *report_inside(self.folder / BEST)))
+            files += [f"{_PARTS}/*.json", f"{_STEPS}/*.parquet", f"{_DESCRIPTORS}/*/*.npy", *best]
+        return ResultFolder(self.folder, KIND, content, files=files, overwrite=overwrite, resume=resume)
 
     def check(self, content: Mapping[str, Any]) -> None:
         """See that the ablation in the folder is the one to go on with, as far as `content` tells.
@@ -70,20 +73,14 @@ class Store:
         Raises
         ------
         ResultError
-            If there is none, it is still running, or anything differs; the message names it.
+            If there is none, or anything differs; the message names it.
         """
         earlier = read_manifest(self.folder, KIND)
-        refuse_running(self.folder, earlier)
         before = dict(_flat({name: earlier[name] for name in content if name in earlier}))
         now = dict(_flat({name: value for name, value in content.items() if name in earlier}))
         if changed := differing(before, now):
             words = ", ".join(f"{name} was {_word(one)}, now {_word(other)}" for name, (one, other) in changed.items())
             raise ResultError(f"{self.folder} cannot be resumed: {words}; choose another --out or pass --overwrite")
-
-    def resume(self, content: dict[str, Any]) -> Manifest:
-        """Go on with the ablation in the folder, which `check` has found to be the same."""
-        self.make(_PARTS)
-        return Manifest.reopen(self.folder, KIND, content, files=[TABLE, CSV])
 
     def exists(self) -> bool:
         """Whether the folder holds a folder of results."""
@@ -94,7 +91,7 @@ class Store:
 
     def add(self, job: int, rows: Sequence[dict[str, Any]]) -> None:
         """Keep the rows of a job; they are on disk when this returns."""
-        write_json({"job": job, "rows": rows}, self.folder / _PARTS / f"{job:05d}.json")
+        write_json({"job": job, "rows": rows}, self.make(_PARTS) / f"{job:05d}.json")
 
     def parts(self) -> dict[int, list[dict[str, Any]]]:
         """Return the rows so far by their job; damaged ones count as missing."""
@@ -107,8 +104,7 @@ class Store:
 
     def steps_file(self, job: int) -> Path:
         """Where the decision trace of a job is kept."""
-        self.make(_STEPS)
-        return self.folder / _STEPS / f"{job:05d}.parquet"
+        return self.make(_STEPS) / f"{job:05d}.parquet"
 
     def descriptors(self, number: int) -> Path:
         """Create a folder for descriptors and return it."""
@@ -134,7 +130,7 @@ class Store:
         return self.folder / name
 
 
-def rows_table(rows: Iterable[Mapping[str, Any]]) -> pl.DataFrame:
+def rows_table(rows: Iterable[Mapping[str, Any]], types: Mapping[str, str]) -> pl.DataFrame:
     """Return rows as a table (`schemas.ABLATION`) in the order of the grid; what a row lacks is null."""
     whole = [dict.fromkeys(ABLATION) | dict(row) for row in rows]
     return pl.DataFrame(whole, schema=ABLATION).sort("job", "exact_from")
@@ -145,11 +141,7 @@ def _read(path: Path) -> list[dict[str, Any]] | None:
         part = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
         return None
-    if (
-        not isinstance(part, dict)
-        or path.stem != str(part.get("job")).zfill(5)
-        or not isinstance(part.get("rows"), list)
-    ):
+    if not isinstance(part, dict) or path.stem != str(part.get("job")).zfill(5):
         return None
     rows = part.get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) and row.keys() <= set(ABLATION) for row in rows):

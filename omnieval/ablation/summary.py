@@ -1,4 +1,4 @@
-"""What a sweep comes to: the best and the median run of each sequence and descriptor, or the pieces of an interval."""
+"""What a sweep comes to: best and median of each sequence, mapper and descriptor, or the pieces of an interval."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import polars as pl
 
-_BY = ("dataset", "source", "descriptor")
+_BY = ("dataset", "source", "mapper", "descriptor")
 
 
 def best_and_median(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
-    """Return one row a sequence and descriptor: the run with the highest silhouette, and the median of all.
+    """Return one row a sequence, mapper and descriptor: the run with the highest silhouette, and the median of all.
 
     The paper's Table 2 (doi 10.3390/app10186480, section 6.4) and Table 3 give the best only, picked with the ground
     truth; the median says what to expect without it.
@@ -18,16 +18,16 @@ def best_and_median(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
     Parameters
     ----------
     table
-        Rows of `schemas.ABLATION`.
+        Rows of `schemas.ablation_schema`.
     varied
         The parameters to name of the best run.
 
     Returns
     -------
-    dataset, descriptor, runs, failed, silhouette and nodes of the best, its varied parameters, batch_silhouette at its
-    number of nodes, and median_silhouette and median_nodes of all.
+    dataset, mapper, descriptor, runs, failed, silhouette and nodes of the best, its varied parameters, batch_silhouette
+    at its number of nodes, and median_silhouette and median_nodes of all.
     """
-    named = [name for name in varied if name != "descriptor"]
+    named = [name for name in varied if name not in _BY]
     # A run without silhouette is best only where none has one.
     ordered = table.sort("silhouette", descending=True, nulls_last=True, maintain_order=True)
     return (
@@ -51,10 +51,10 @@ def pieces(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
     Parameters
     ----------
     table
-        Rows of `schemas.ABLATION` with `exact`.
+        Rows of `schemas.ablation_schema` with `exact`.
     varied
         The parameters that are varied besides.
     """
-    named = [name for name in varied if name != "descriptor"]
+    named = [name for name in varied if name not in _BY]
     shown = ("exact", "exact_from", "exact_to", "nodes", "silhouette", "share_assigned", "share_forced")
-    return table.select("dataset", "descriptor", *named, *shown, "batch_silhouette")
+    return table.select("dataset", "mapper", "descriptor", *named, *shown, "batch_silhouette")

@@ -17,11 +17,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from omnieval.ablation.jobs import Described, Job, failed_row
+from omnieval.components import digest_of
 from omnieval.errors import ResultError
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.journal import smallest_margin
-from omnieval.mapping.step import FinalMap, Margin, Step
-from omnieval.mapping.sweep import SHARED, Interval, Outcome, Points, Sweep, seen_by
+from omnieval.mapping.interface import BranchingMapper, Column
+from omnieval.mapping.memory import AHEAD, blocks
+from omnieval.mapping.partition import Partition
+from omnieval.mapping.step import FinalMap, Margin, Step, smallest_margin
+from omnieval.mapping.sweep import Interval, Outcome, Points, Sweep
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.results.atomic import write_table
 from omnieval.results.tables import step_row, steps_frame, with_final_map
@@ -44,8 +46,12 @@ def plant(jobs: Sequence[Job], keys: Sequence[str], processes: int) -> list[list
     """
     families: dict[Any, list[Job]] = {}
     for job, key in zip(jobs, keys, strict=True):
-        own = job.number if job.span else None
-        families.setdefault((key, job.config.mapper.model_copy(update=dict.fromkeys(SHARED)), own), []).append(job)
+        mapper = job.config.mapper
+        swept = mapper.cls.swept if issubclass(mapper.cls, BranchingMapper) and not job.span else None
+        rest = {name: value for name, value in mapper.settings.items() if name not in (swept or ())}
+        # A mapper that cannot branch, and an interval, are trees of their own.
+        own = job.number if swept is None else None
+        families.setdefault((key, digest_of({**mapper.identity, "settings": rest}), own), []).append(job)
     pieces = math.ceil(processes / max(1, len(families)))
     return [
         list(tree)
@@ -64,7 +70,7 @@ def grow(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, Pa
     described
         Their images.
     steps_files
-        Where to keep decision traces (`schemas.STEPS`), by job.
+        Where to keep decision traces (`schemas.steps_schema`), by job.
     """
     with threadpool_limits(1):  # so that nothing depends on how many jobs run beside this one
         try:
@@ -78,26 +84,30 @@ def grow(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, Pa
 
 @dataclass
 class _Traces:
-    """What accumulates of each configuration while a sweep runs."""
+    """What accumulates of each job's settings while a sweep runs; settings are known by their text."""
 
     described: Described
-    kept: frozenset[MapperConfig]
-    margins: dict[MapperConfig, tuple[Margin, int]] = field(default_factory=dict)
-    rows: dict[MapperConfig, list[dict[str, Any]]] = field(default_factory=dict)
+    kept: frozenset[str]
+    margins: dict[str, tuple[Margin, int]] = field(default_factory=dict)
+    partitions: dict[str, Partition] = field(default_factory=dict)
+    rows: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
-    def add(self, config: MapperConfig, step: Step, milliseconds: float) -> None:
-        margin = smallest_margin(step.comparisons, config)
-        smallest = self.margins.get(config)
+    def add(self, key: str, settings: Any, step: Step, milliseconds: float) -> None:
+        margin = smallest_margin(step.comparisons, settings)
+        smallest = self.margins.get(key)
         if margin and (smallest is None or margin.value < smallest[0].value):
-            self.margins[config] = margin, step.frame
-        if config in self.kept:
-            row = step_row(seen_by(step, config), self.described.frames[step.frame], milliseconds)
-            self.rows.setdefault(config, []).append(row)
+            self.margins[key] = margin, step.frame
+        if key in self.kept:
+            partition = self.partitions.setdefault(key, Partition())
+            partition.apply(step)
+            own = step if settings is None else step.seen_by(settings)
+            row = step_row(own, self.described.frames[step.frame], partition, milliseconds)
+            self.rows.setdefault(key, []).append(row)
 
-    def margin(self, config: MapperConfig) -> dict[str, Any]:
-        if config not in self.margins:
+    def margin(self, key: str) -> dict[str, Any]:
+        if key not in self.margins:
             return {}
-        margin, frame = self.margins[config]
+        margin, frame = self.margins[key]
         return {
             "smallest_margin": margin.value,
             "smallest_margin_frame": frame,
@@ -109,36 +119,70 @@ def _rows(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, P
     if jobs[0].span:
         yield from _pieces(jobs[0], described)
         return
-    of: dict[MapperConfig, list[Job]] = {}
+    of: dict[str, list[Job]] = {}
     for job in jobs:
-        of.setdefault(job.config.mapper, []).append(job)
-    traces = _Traces(described, frozenset(job.config.mapper for job in jobs if job.number in steps_files))
-    sweep = Sweep([Points(tuple(of))])
+        of.setdefault(_key(job), []).append(job)
+    traces = _Traces(described, frozenset(_key(job) for job in jobs if job.number in steps_files))
+    judged = _Judge(described)
+    branching = issubclass(jobs[0].config.mapper.cls, BranchingMapper)
+    for key, final, seconds in (_swept if branching else _alone)({key: some[0] for key, some in of.items()}, traces):
+        for job in of[key]:
+            metrics, judging = judged(final, job.config.seed)
+            row = job.origin | metrics | traces.margin(key)
+            row |= {"seconds": seconds + judging, "error": None}
+            columns = getattr(job.config.mapper.cls, "columns", ())
+            yield _kept(job, row, traces.rows.get(key), columns, final, steps_files.get(job.number))
+
+
+def _key(job: Job) -> str:
+    return digest_of(job.config.mapper.identity)
+
+
+def _swept(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalMap, float]]:
+    """Map with many settings of one mapper, in a tree; yield what each came to, and the seconds it took."""
+    mapper = next(iter(of.values())).config.mapper.cls
+    settings = {key: job.config.mapper.typed_settings for key, job in of.items()}
+    keys = {one: key for key, one in settings.items()}
+    sweep = Sweep(mapper, [Points(tuple(settings.values()))])
     before = time.perf_counter()
-    for taken in sweep.steps(described.descriptions()):
+    for taken in sweep.steps(traces.described.descriptions()):
         milliseconds = 1e3 * (time.perf_counter() - before) / len(taken)
         for points, step in taken:
-            for config in points.configs:
-                traces.add(config, step, milliseconds)
+            for one in points.settings:
+                traces.add(keys[one], one, step, milliseconds)
         before = time.perf_counter()
-    judged = _Judge(described)
     for outcome in sweep.finish():
-        for config in outcome.region.configs:
-            metrics, seconds = judged(outcome.final, config.seed)
-            for job in of[config]:
-                row = job.origin | metrics | traces.margin(config)
-                row |= {"seconds": outcome.seconds + seconds, "error": None}
-                yield _kept(job, row, traces.rows.get(config), outcome.final, steps_files.get(job.number))
+        for one in outcome.region.settings:
+            yield keys[one], outcome.final, outcome.seconds
+
+
+def _alone(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalMap, float]]:
+    """Map with a mapper that does not branch, one setting after the other; see `_swept`."""
+    for key, job in of.items():
+        mapper = job.config.mapper.fresh()
+        started = time.perf_counter()
+        for block in blocks(traces.described.descriptions(), AHEAD):
+            for description in block:
+                before = time.perf_counter()
+                step = mapper.step(description)
+                traces.add(key, None, step, 1e3 * (time.perf_counter() - before))
+        final = mapper.finish()
+        yield key, final, time.perf_counter() - started
 
 
 def _kept(
-    job: Job, row: dict[str, Any], steps: list[dict[str, Any]] | None, final: FinalMap, file: Path | None
+    job: Job,
+    row: dict[str, Any],
+    steps: list[dict[str, Any]] | None,
+    columns: Sequence[Column],
+    final: FinalMap,
+    file: Path | None,
 ) -> dict[str, Any]:
     """Keep the decision trace of a job, if asked for, and return its row."""
     if file is None or steps is None:
         return row
     try:
-        write_table(with_final_map(steps_frame(steps), final), file)
+        write_table(with_final_map(steps_frame(steps, columns), final), file)
     except ResultError as error:
         return failed_row(job, error)
     return row
@@ -148,12 +192,14 @@ def _pieces(job: Job, described: Described) -> Iterator[dict[str, Any]]:
     """Yield a row for every piece of an interval on which the map is the same."""
     assert job.span is not None
     name, first, last = job.span.name, job.span.first, job.span.last
-    sweep = Sweep([Interval(job.config.mapper, name, first, float(np.nextafter(last, np.inf)))])
+    mapper = job.config.mapper
+    whole = Interval(mapper.typed_settings, name, first, float(np.nextafter(last, np.inf)))
+    sweep = Sweep(mapper.cls, [whole])
     for _ in sweep.steps(described.descriptions()):
         pass
     judged = _Judge(described)
     for outcome, low, high in _joined(sweep.finish()):
-        metrics, seconds = judged(outcome.final, job.config.mapper.seed)
+        metrics, seconds = judged(outcome.final, job.config.seed)
         yield (
             job.origin
             | metrics

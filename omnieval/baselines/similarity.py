@@ -21,6 +21,20 @@ _GRAPH_NEIGHBOURS = 10
 """Edges from each image of the neighbour graph, as in scikit-learn's spectral clustering."""
 
 
+MOST_IMAGES = 15_000
+"""A matrix of all their pairs takes 1.8 GB, and several are needed at a time."""
+
+
+def too_many(images: int) -> str | None:
+    """Say why so many images are too many for a matrix of all pairs; None if they are not."""
+    if images <= MOST_IMAGES:
+        return None
+    return (
+        f"{images} images are too many for the similarities of all pairs ({images**2 * 8 / 1e9:.0f} GB a matrix); at "
+        f"most {MOST_IMAGES} are clustered, so cut the sequence"
+    )
+
+
 def similarity_matrix(descriptors: NDArray[np.floating], similarity: Similarity) -> NDArray[np.float64]:
     """Return the similarity of every pair of images, shape (n, n), symmetric, 0 on the diagonal.
 

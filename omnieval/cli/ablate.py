@@ -217,5 +217,7 @@ def _print(ablation: Ablation, plan: Plan, *, json: bool) -> None:
     else:
         print(ablation.folder)
         print_table(summary)
+    if ablation.lacking:
+        note(f"batch_silhouette is missing where it could not be computed: {ablation.lacking}; --resume tries it again")
     if ablation.failed:
         note(f"{ablation.failed} of {len(ablation.table)} jobs failed; their rows say why, --resume runs them again")

@@ -35,21 +35,29 @@ def describe(
       omnieval describe synthetic:sunny --descriptor gist --out sunny.npz
     """
     from omnieval.cli.console import note, print_fields, print_json, progress
-    from omnieval.imaging.soundness import in_words, without_bad
-    from omnieval.loop import claim_file, describe_archive
+    from omnieval.imaging.soundness import in_words
+    from omnieval.loop import describe_archive
 
-    resolved = options.configuration(set_, config, None, descriptor)
-    claim_file(out, overwrite=overwrite)
-    whole = options.sequence(source, start, stride, limit)
-    sequence, left_out = without_bad(whole) if skip_bad else (whole, ())
+    resolved = options.configuration(set_, config, None, None, descriptor)
     with progress("describing") as report:
-        archive = describe_archive(sequence, out, config=resolved, overwrite=overwrite, progress=report)
+        archive, material = describe_archive(
+            source,
+            out,
+            config=resolved,
+            start=start,
+            stride=stride,
+            limit=limit,
+            overwrite=overwrite,
+            skip_bad=skip_bad,
+            progress=report,
+        )
+    left_out = material.skipped or ()
     shapes = {"position": list(archive.position.shape), "orientation": list(archive.orientation.shape)}
     if json:
         skipped = [dataclasses.asdict(bad) for bad in left_out]
-        print_json({"schema_version": 1, "file": str(out), "source": sequence.source, **shapes, "skipped": skipped})
+        print_json({"schema_version": 1, "file": str(out), "source": material.source, **shapes, "skipped": skipped})
     else:
         print(out)
         print_fields((name, " x ".join(map(str, shape))) for name, shape in shapes.items())
     if left_out:
-        note(in_words(left_out, len(whole)))
+        note(in_words(left_out, len(material.frames) + len(left_out)))

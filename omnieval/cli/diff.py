@@ -101,7 +101,7 @@ def _print_parting(runs: tuple[Run, Run], frame: int) -> None:
     for letter, run in zip("AB", runs, strict=True):
         explainer = RunExplainer(run)
         print(f"{letter}: {run.folder}")
-        print_fields(explanation_lines(explainer.explain(frame), explainer.config))
+        print_fields(explanation_lines(explainer.explain(frame), explainer.method))
 
 
 def _agreement_fields(agreed: Agreement | None) -> Iterator[tuple[str, str]]:

@@ -28,11 +28,11 @@ def explain(
         ),
     ] = 1.0,
     ago: Annotated[
-        int | None,
+        int,
         typer.Option(
-            min=1, help="With --refused: the true match was taken so many steps before; default n_new.", metavar="STEPS"
+            min=1, help="With --refused: the true match was taken at least so many steps before.", metavar="STEPS"
         ),
-    ] = None,
+    ] = 20,
     limit: Annotated[int, typer.Option(min=1, help="With --refused: list at most this many.", metavar="N")] = 20,
     json: options.Json = False,
 ) -> None:
@@ -70,10 +70,10 @@ def _print_step(run: Run, step: str, *, json: bool) -> None:
         print_json({"schema_version": 1, "run": str(run.folder), "step": frame, **plain(explanation)})
         return
     print(f"step {frame} of {run.folder} (0 to {len(explainer) - 1})")
-    print_fields(explanation_lines(explanation, explainer.config))
+    print_fields(explanation_lines(explanation, explainer.method))
 
 
-def _print_refused(run: Run, within: float, ago: int | None, limit: int, *, json: bool) -> None:
+def _print_refused(run: Run, within: float, ago: int, limit: int, *, json: bool) -> None:
     from omnieval.cli.console import print_json, print_table
     from omnieval.explain.refused import refused_closures
 

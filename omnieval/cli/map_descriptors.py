@@ -21,12 +21,16 @@ def map_descriptors(
     set_: options.Set = None,
     config: options.ConfigFile = None,
     preset: options.Preset = None,
+    mapper: options.MapperName = None,
+    start: options.Start = 0,
+    stride: options.Stride = 1,
+    limit: options.Limit = None,
     out: options.Out = None,
     overwrite: options.Overwrite = False,
     rrd: Annotated[bool, typer.Option("--rrd", help="Also write a recording, without pictures.")] = False,
     json: options.Json = False,
 ) -> None:
-    """Run the mapper alone on descriptors computed anywhere, and write the run folder.
+    """Run a mapper alone on descriptors computed anywhere, and write the run folder.
 
     Optional arrays of the archive: file, xy (n, 2) metres, yaw (n,) radians, room, time_ns.
 
@@ -37,12 +41,21 @@ def map_descriptors(
       omnieval map synthetic.npz --set n_new=30
     """
     from omnieval.cli.console import progress
-    from omnieval.loop import map_archive
+    from omnieval.loop import replay
+    from omnieval.material import ARCHIVE_SCHEME
 
-    resolved = options.configuration(set_, config, preset, None)
+    resolved = options.configuration(set_, config, preset, mapper, None)
     recording = options.recording(no_rrd=not rrd, no_images=True)
     with progress("mapping") as report:
-        run = map_archive(
-            descriptors, config=resolved, out=out, overwrite=overwrite, recording=recording, progress=report
+        run = replay(
+            f"{ARCHIVE_SCHEME}{descriptors}",
+            config=resolved,
+            start=start,
+            stride=stride,
+            limit=limit,
+            out=out,
+            overwrite=overwrite,
+            recording=recording,
+            progress=report,
         )
     print_run(run, json=json)

@@ -10,14 +10,14 @@ import typer
 
 if TYPE_CHECKING:
     from omnieval.config import Config
-    from omnieval.datasets.sequence import Sequence as ImageSequence
+    from omnieval.material import Cut
     from omnieval.recording.records import RecordingOptions
 
 Source = Annotated[
     str,
     typer.Argument(
-        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, or a path recognised by "
-        "its content.",
+        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, descriptors npz:FILE, or "
+        "a path recognised by its content.",
         metavar="SOURCE",
     ),
 ]
@@ -36,14 +36,28 @@ ConfigFile = Annotated[
 Preset = Annotated[
     str | None, typer.Option(help="Named parameters: recommended (default) or paper-literal.", metavar="NAME")
 ]
+MapperName = Annotated[
+    str | None,
+    typer.Option(
+        "--mapper",
+        help="Mapper: roman2020 (default), leader, package.module:Class or path/file.py:Class.",
+        metavar="NAME",
+    ),
+]
 DescriptorName = Annotated[
-    str | None, typer.Option("--descriptor", help="Descriptor: hog (default) or gist.", metavar="NAME")
+    str | None,
+    typer.Option(
+        "--descriptor",
+        help="Descriptor: hog (default), gist, package.module:Class or path/file.py:Class.",
+        metavar="NAME",
+    ),
 ]
 Start = Annotated[int, typer.Option(min=0, help="First frame to use.", metavar="N")]
 Stride = Annotated[int, typer.Option(min=1, help="Use every N-th frame.", metavar="N")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Use at most this many frames.", metavar="N")]
 Out = Annotated[
-    Path | None, typer.Option(help="Run folder to write; default runs/<sequence>-<descriptor>[-<n>].", metavar="DIR")
+    Path | None,
+    typer.Option(help="Run folder to write; default runs/<sequence>-<descriptor>[-<mapper>][-<n>].", metavar="DIR"),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier run in the same folder.")]
 SkipBad = Annotated[
@@ -58,23 +72,25 @@ Every = Annotated[
 
 
 def configuration(
-    settings: Sequence[str] | None, files: Sequence[Path] | None, preset: str | None, descriptor: str | None
+    settings: Sequence[str] | None,
+    files: Sequence[Path] | None,
+    preset: str | None,
+    mapper: str | None,
+    descriptor: str | None,
 ) -> Config:
     """Return the configuration the options ask for: preset, then files, then --set, later ones winning."""
-    from omnieval.config import Setting, parse_assignment, read_settings, resolve
+    from omnieval.config import parse_assignment, read_settings, resolve
 
     given = [setting for file in files or () for setting in read_settings(file)]
     given += [parse_assignment(text) for text in settings or ()]
-    if descriptor is not None:
-        given.append(Setting("descriptor", descriptor, f"--descriptor {descriptor}"))
-    return resolve(given, preset=preset)
+    return resolve(given, preset=preset, mapper=mapper, descriptor=descriptor)
 
 
-def sequence(source: str, start: int, stride: int, limit: int | None) -> ImageSequence:
-    """Load a source and cut it."""
-    from omnieval.datasets import load
+def cut(start: int, stride: int, limit: int | None) -> Cut:
+    """Return which frames the options ask for."""
+    from omnieval.material import Cut
 
-    return load(source).cut(start=start, stride=stride, limit=limit)
+    return Cut(start, stride, limit)
 
 
 def recording(

@@ -10,19 +10,23 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
 
-def parameters(json: options.Json = False) -> None:
-    """List every parameter with its default, range and meaning.
+def parameters(
+    mapper: options.MapperName = None, descriptor: options.DescriptorName = None, json: options.Json = False
+) -> None:
+    """List every parameter with its default, range and meaning: of a mapper, of imaging, of descriptors.
 
     Examples:
 
       omnieval parameters
+
+      omnieval parameters --mapper leader
 
       omnieval replay --set n_new=30 --set hog.orientation_width=32
     """
     from omnieval.cli.console import print_json
     from omnieval.config import parameters as known
 
-    described = {name: _describe(field) for name, field in known().items()}
+    described = {name: _describe(field) for name, field in known(mapper, descriptor).items()}
     if json:
         print_json({"schema_version": 1, "parameters": described})
         return

@@ -17,6 +17,7 @@ def replay(
     set_: options.Set = None,
     config: options.ConfigFile = None,
     preset: options.Preset = None,
+    mapper: options.MapperName = None,
     descriptor: options.DescriptorName = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
@@ -33,7 +34,7 @@ def replay(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Replay the mapping method over a sequence and keep the evidence of every decision.
+    """Replay a mapper over a sequence and keep the evidence of every decision.
 
     Writes a run folder (tables and a recording for the Rerun viewer) and prints its summary.
 
@@ -45,18 +46,22 @@ def replay(
 
       omnieval replay cold:/data/seq2_cloudy3 --preset paper-literal
 
+      omnieval replay synthetic:night --mapper leader --descriptor mine.py:Mine
+
       omnieval replay folder:/data/panoramas --limit 500 --no-rrd --json
     """
     from omnieval.cli.console import progress
     from omnieval.loop import replay as run_replay
 
-    resolved = options.configuration(set_, config, preset, descriptor)
+    resolved = options.configuration(set_, config, preset, mapper, descriptor)
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
-    sequence = options.sequence(source, start, stride, limit)
     with progress("replaying") as report:
         run = run_replay(
-            sequence,
+            source,
             config=resolved,
+            start=start,
+            stride=stride,
+            limit=limit,
             out=out,
             overwrite=overwrite,
             skip_bad=skip_bad,

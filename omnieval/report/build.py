@@ -6,20 +6,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError
-from omnieval.mapping.config import MapperConfig
+from omnieval.material import Cut
 from omnieval.report.batch import batch_figure, recorded
 from omnieval.report.figure import Block, Content, Figure, Section, Skipped, Table
 from omnieval.report.heatmaps import sweep_figures
 from omnieval.report.pieces import pieces_figures
-from omnieval.report.replays import DrawnReplay, draw_replay
+from omnieval.report.replays import DrawnReplay, attempted, draw_replay, drawn_or_skipped
 from omnieval.report.sources import Baseline, Replay, Sources, Sweep
 from omnieval.report.tables import batch_table, best_table, partitions_table, summary_table
 from omnieval.report.wording import value_text
 
 Progress = Callable[[int, int], None]
-_OF_MAPPER = frozenset(MapperConfig.model_fields)
 
 
 @dataclass(frozen=True)
@@ -54,11 +52,10 @@ def build(sources: Sources, order: Order) -> Content:
         replays += [replay for sweep in sources.sweeps for replay in sweep.replays]
     _check_step(replays, order.step)
     drawn: dict[int, DrawnReplay] = {}
-    with DescriptorCache() as cache:
-        for done, replay in enumerate(replays, start=1):
-            drawn[id(replay)] = draw_replay(replay, sources.baselines, cache, step=order.step, figures=order.figures)
-            if order.progress:
-                order.progress(done, len(replays))
+    for done, replay in enumerate(replays, start=1):
+        drawn[id(replay)] = draw_replay(replay, sources.baselines, step=order.step, figures=order.figures)
+        if order.progress:
+            order.progress(done, len(replays))
     table_3 = batch_table(sources.sweeps, [(one, drawn[id(one)].batch) for one in sources.replays if one.finished])
     first: list[Block] = [summary_table(sources), *([table_3] if table_3 else [])]
     sections = [Section("Overview", (), tuple(first))]
@@ -99,9 +96,7 @@ def _sweep_section(sweep: Sweep, order: Order) -> Section:
         "status": sweep.status,
         "pieces" if sweep.exact else "runs": f"{len(sweep.table)}{f', {failed} failed' if failed else ''}",
         **axes,
-        "other parameters": _parameter_words(
-            {name: value for name, value in sweep.fixed.items() if name in _OF_MAPPER}
-        ),
+        "other parameters": _parameter_words({name: value for name, value in sweep.fixed.items() if "." not in name}),
         **_origin(sweep.facts),
     }
     blocks: list[Block] = [*(_sweep_figures(sweep) if order.figures else []), best_table(sweep)]
@@ -117,8 +112,9 @@ def _sweep_section(sweep: Sweep, order: Order) -> Section:
     return Section(f"Sweep {sweep.name}", tuple(facts.items()), tuple(blocks))
 
 
-def _sweep_figures(sweep: Sweep) -> list[Figure | Skipped]:
-    return pieces_figures(sweep) if sweep.exact else sweep_figures(sweep)
+def _sweep_figures(sweep: Sweep) -> Sequence[Figure | Skipped]:
+    found = attempted(lambda: pieces_figures(sweep) if sweep.exact else sweep_figures(sweep))
+    return [Skipped("Figures of the sweep", found)] if isinstance(found, str) else found
 
 
 def _replay_section(replay: Replay, blocks: tuple[Block, ...]) -> Section:
@@ -126,10 +122,11 @@ def _replay_section(replay: Replay, blocks: tuple[Block, ...]) -> Section:
         "folder": str(replay.folder),
         "source": replay.source,
         "cut": _cut_words(replay.cut),
+        "mapper": replay.mapper,
         "descriptor": replay.descriptor,
         "status": replay.status,
         "images": str(len(replay.steps)),
-        "parameters": _parameter_words(replay.config.mapper.model_dump()),
+        "parameters": _parameter_words(replay.config.settings),
         **_origin(replay.facts),
     }
     return Section(replay.title, tuple(facts.items()), blocks)
@@ -139,11 +136,11 @@ def _parameter_words(parameters: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value_text(value)}" for name, value in parameters.items())
 
 
-def _cut_words(cut: Mapping[str, Any]) -> str:
-    parts = {name: value for name, value in cut.items() if value is not None}
-    if parts == {"start": 0, "stride": 1}:
+def _cut_words(cut: Cut) -> str:
+    if cut.whole:
         return "the whole sequence"
-    return ", ".join(f"{name} {value}" for name, value in parts.items())
+    parts = {"start": cut.start, "stride": cut.stride, "limit": cut.limit}
+    return ", ".join(f"{name} {value}" for name, value in parts.items() if value is not None)
 
 
 def _baseline_section(baseline: Baseline, order: Order) -> Section:
@@ -165,7 +162,10 @@ def _baseline_figure(baseline: Baseline, order: Order) -> Iterator[Block]:
         yield Skipped("Silhouette over the number of clusters", "the baseline has no silhouette at any k")
     else:
         dataset, descriptor = baseline.table.select("dataset", "descriptor").row(0)
-        yield batch_figure(curves, [], f"{dataset}, {descriptor}")
+        title = "Silhouette over the number of clusters"
+        drawn = drawn_or_skipped(title, lambda: batch_figure(curves, [], f"{dataset}, {descriptor}"))
+        if drawn is not None:
+            yield drawn
 
 
 def _origin(facts: Any) -> dict[str, str]:

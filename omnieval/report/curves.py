@@ -10,81 +10,72 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from omnieval.mapping.step import Match
+from omnieval.explain.words import decision_text
+from omnieval.mapping.step import Curves, Step
 from omnieval.report.figure import Chart, Figure
 from omnieval.report.palette import BATCH, INK, MUTED, OURS
+from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
 from omnieval.report.wording import counted, sentences
 
 _WIDTH, _HEIGHT = 800, 120
-_PANELS = {
-    "position": "position similarity",
-    "orientation": "orientation similarity",
-    "product": "product",
-}
 
 
-def curves_figure(replay: Replay, step: int, match: Match, labels: NDArray[np.int64], *, chosen: bool) -> Figure:
-    """Return position, orientation and product of the similarities over all images of the map.
+def curves_figure(replay: Replay, step: Step, labels: NDArray[np.int64], *, chosen: bool) -> Figure:
+    """Return the similarity curves of a step over all images of the map.
 
     Parameters
     ----------
     replay
         The replay.
-    step, match, labels
-        The step, its image-level loop closure, and the labels it saw, shape (step,).
+    step, labels
+        The step with its curves, and the labels it saw, shape (step,).
     chosen
         Whether the reader asked for this step.
     """
-    row = replay.steps.row(step, named=True)
-    data = curve_rows(match, labels)
+    curves, match = step.curves, step.match
+    assert curves is not None
+    assert match is not None
+    data = curve_rows(curves, labels)
     borders = node_borders(labels)
-    panels = [_panel(data, borders, name, top=name == "position") for name in _PANELS]
+    # What the best image is chosen by stands below what it is made of.
+    names = [*list(curves.values)[1:], *list(curves.values)[:1]]
+    panels = [_panel(data, borders, name, top=name == names[0], bottom=name == names[-1]) for name in names]
     peaks = int(data["peak"].sum())
     return Figure(
         key="similarity",
-        title=f"Similarity curves of step {step}",
+        title=f"Similarity curves of step {step.frame}",
         caption=sentences(
             [
-                f"How similar image {step} is to each image of the map, in the order of nodes and then time; vertical "
-                "lines part the nodes, whose numbers stand above.",
-                f"Images of nodes that are no candidates ({_refused_words(row, borders)}) have similarity 0.",
-                f"The diamond is the best match, image {match.best_frame} of node {match.node}; dots are the "
-                f"{counted(peaks, 'peak')} of the product, against whose mean its prominence is measured: "
-                f"{match.prominence_ratio:.2f} times the mean, γ = {replay.config.mapper.gamma:g}.",
-                f"Verdict: {row['verdict']}.",
+                f"How similar image {step.frame} is to each image of the map, in the order of nodes and then time; "
+                "vertical lines part the nodes, whose numbers stand above.",
+                f"Images of nodes that did not let it in ({_refused_words(curves, labels, borders)}) have similarity 0.",
+                f"The diamond is the best match, image {match.frame} of node {match.node}; dots are the "
+                f"{counted(peaks, 'peak')} of {names[-1]}.",
+                f"Decision: {decision_text(step, replay.method)}.",
                 "" if chosen else "This step was chosen because it is the loop closure with the most candidate images.",
-                "Corresponds to Fig. 6 of the paper.",
+                "Corresponds to Fig. 6 of the paper." if is_papers(replay) else "",
             ]
         ),
-        alt=f"Three curves over {match.map_size} images of the map in {counted(len(borders), 'node')}: position "
-        f"similarity, orientation similarity and their product. The product has {counted(peaks, 'peak')}; the "
-        f"highest is at image {match.best_frame} of node {match.node}.",
+        alt=f"{len(names)} curves over {curves.size} images of the map in {counted(len(borders), 'node')}: "
+        f"{', '.join(names)}. The last has {counted(peaks, 'peak')}; the highest is at image {match.frame} of node "
+        f"{match.node}.",
         chart=alt.vconcat(*panels, spacing=8),
         data=data,
     )
 
 
-def curve_rows(match: Match, labels: NDArray[np.int64]) -> pl.DataFrame:
+def curve_rows(curves: Curves, labels: NDArray[np.int64]) -> pl.DataFrame:
     """Return one row an image of the map, in the order of the curve: where it stands, its node and similarities."""
     order = np.argsort(labels, kind="stable")
     order = order[labels[order] > 0]
-    product = _spread(match, match.similarity)
-    peaks = np.zeros(match.map_size, bool)
-    peaks[find_peaks(np.pad(product, 1))[0] - 1] = True
-    best = np.zeros(match.map_size, bool)
-    best[match.slots[match.best]] = True
+    values = {name: _spread(curves, one) for name, one in curves.values.items()}
+    peaks = np.zeros(curves.size, bool)
+    peaks[find_peaks(np.pad(next(iter(values.values())), 1))[0] - 1] = True
+    best = np.zeros(curves.size, bool)
+    best[curves.slots[curves.best]] = True
     return pl.DataFrame(
-        {
-            "place": np.arange(match.map_size),
-            "node": labels[order],
-            "image": order,
-            "position": _spread(match, match.position),
-            "orientation": _spread(match, match.orientation),
-            "product": product,
-            "peak": peaks,
-            "best": best,
-        }
+        {"place": np.arange(curves.size), "node": labels[order], "image": order, **values, "peak": peaks, "best": best}
     )
 
 
@@ -98,13 +89,12 @@ def node_borders(labels: NDArray[np.int64]) -> list[dict[str, Any]]:
     ]
 
 
-def _panel(data: pl.DataFrame, borders: list[dict[str, Any]], name: str, *, top: bool) -> Chart:
+def _panel(data: pl.DataFrame, borders: list[dict[str, Any]], name: str, *, top: bool, bottom: bool) -> Chart:
     rows = data.select("place", pl.col(name).alias("value"), "peak", "best").to_dicts()
-    bottom = name == "product"
     axis = alt.Axis(grid=False) if bottom else alt.Axis(grid=False, labels=False, title=None)
     x = alt.X("place:Q", title="image of the map, ordered by node, then time")
     x = x.scale(domain=[0, len(data)], nice=False).axis(axis)
-    base = alt.Chart(alt.InlineData(values=rows)).encode(x=x, y=alt.Y("value:Q", title=_PANELS[name]).axis(tickCount=3))
+    base = alt.Chart(alt.InlineData(values=rows)).encode(x=x, y=alt.Y("value:Q", title=name).axis(tickCount=3))
     lines = alt.Chart(alt.InlineData(values=borders)).mark_rule(color=MUTED, strokeWidth=0.7, strokeDash=[2, 2])
     layers: list[Any] = [lines.encode(x="start:Q"), base.mark_line(color=BATCH, strokeWidth=1.1)]
     if bottom:
@@ -117,12 +107,13 @@ def _panel(data: pl.DataFrame, borders: list[dict[str, Any]], name: str, *, top:
     return alt.layer(*layers).properties(width=_WIDTH, height=_HEIGHT)
 
 
-def _spread(match: Match, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    curve = np.zeros(match.map_size)
-    curve[match.slots] = values
+def _spread(curves: Curves, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    curve = np.zeros(curves.size)
+    curve[curves.slots] = values
     return curve
 
 
-def _refused_words(row: dict[str, Any], borders: list[dict[str, Any]]) -> str:
-    refused = [str(border["node"]) for border in borders if border["node"] not in row["candidates"]]
+def _refused_words(curves: Curves, labels: NDArray[np.int64], borders: list[dict[str, Any]]) -> str:
+    let_in = set(labels[curves.frames].tolist())
+    refused = [str(border["node"]) for border in borders if border["node"] not in let_in]
     return f"here: {', '.join(refused)}" if refused else "here there are none"

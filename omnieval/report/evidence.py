@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from omnieval.baselines.controls import time_slices
-from omnieval.baselines.similarity import similarity_matrix
+from omnieval.baselines.similarity import similarity_matrix, too_many
 from omnieval.baselines.spectral import spectral_embedding
-from omnieval.datasets import load
-from omnieval.descriptors.cache import DescriptorCache
-from omnieval.descriptors.description import Description
 from omnieval.errors import ResultError
-from omnieval.mapping.matching import match_image
-from omnieval.mapping.memory import ImageMemory
 from omnieval.mapping.partition import Partition
-from omnieval.mapping.step import Match, Verdict
-from omnieval.material import ARCHIVE_SCHEME, archive_material, image_material
+from omnieval.mapping.step import Role, Step
 from omnieval.metrics.silhouette import silhouettes
+from omnieval.remap import decided_again
 from omnieval.report.sources import Replay
-from omnieval.results.tables import step_from_row
+from omnieval.results.tables import read_steps
 
 Progress = Callable[[int, int], None]
 
@@ -48,83 +42,62 @@ class Moment:
     active: frozenset[int]
 
 
-def moments(steps: pl.DataFrame) -> Iterator[Moment]:
+def moments(replay: Replay) -> Iterator[Moment]:
     """Yield the map after every step, replayed from the table of steps."""
     partition = Partition()
-    for row in steps.iter_rows(named=True):
-        partition.apply(step_from_row(row))
-        yield Moment(row["frame"], partition.labels, partition.active)
+    for step, _ in read_steps(replay.steps, ()):
+        partition.apply(step)
+        yield Moment(step.frame, partition.labels, partition.active)
 
 
-def loop_closures(steps: pl.DataFrame) -> dict[int, int]:
-    """Return the steps with a similarity curve and how many candidate images each had, by frame."""
-    counted: dict[int, int] = {}
-    labels = np.empty(0, np.int64)
-    matched = steps.select("best_frame", "candidates")
-    for moment, (best, candidates) in zip(moments(steps), matched.iter_rows(), strict=True):
-        if best is not None:
-            counted[moment.frame] = int(np.isin(labels, candidates).sum())
-        labels = moment.labels
-    return counted
+def telling_step(replay: Replay) -> int | None:
+    """Return the loop closure with the most images to choose from, the first of equals; None if no loop was closed.
+
+    These are the images of the nodes that passed every comparison of nodes.
+    """
+    partition, found, most = Partition(), None, 0
+    for step, _ in read_steps(replay.steps, ()):
+        if step.role is Role.JOINED and step.match is not None:
+            nodes = next((one.passing for one in step.comparisons if replay.method.gate(one.gate).of == "node"), ())
+            count = int(np.isin(partition.labels, nodes).sum())
+            if found is None or count > most:
+                found, most = step.frame, count
+        partition.apply(step)
+    return found
 
 
-def telling_step(steps: pl.DataFrame) -> int | None:
-    """Return the loop closure with the most candidate images, the first of equals; None if no loop was closed."""
-    counted = loop_closures(steps)
-    closed = steps.filter(pl.col("verdict") == Verdict.ASSIGNED.value)["frame"].to_list()
-    return max(closed, key=lambda frame: counted[frame], default=None)
-
-
-def descriptions(replay: Replay, cache: DescriptorCache) -> Iterator[Description]:
-    """Yield the descriptions of the replay's images again.
+def position_descriptors(replay: Replay) -> NDArray[np.float32]:
+    """Return the position descriptors of the replay's images again, shape (n, d).
 
     Raises
     ------
-    DatasetError
-        If the sequence is no longer where the replay found it.
-    ResultError
-        If it has changed since.
+    ConfigError, DatasetError, ResultError
+        If they cannot be described as they were.
     """
-    if replay.source.startswith(ARCHIVE_SCHEME):
-        material = archive_material(Path(replay.source.removeprefix(ARCHIVE_SCHEME)))
-    else:
-        sequence = load(replay.source).cut(**replay.cut)
-        material = image_material(sequence, replay.config, replay.config.make_descriptor(), cache)
-    files = replay.steps["file"].to_list()
-    if [frame.file for frame in material.frames[: len(files)]] != files:
-        raise ResultError(f"the images of {replay.source} are not those of the replay any more; replay it again")
-    for _, described in zip(files, material.described, strict=False):
-        yield described.description
+    with replay.material() as material:
+        found = [one.description.position for _, one in zip(range(len(replay.steps)), material.described, strict=False)]
+    return np.stack(found)
 
 
-def similarity_curve(replay: Replay, described: Iterable[Description], step: int) -> tuple[Match, NDArray[np.int64]]:
-    """Return the image-level loop closure of a step and the labels it saw, shape (step,).
+def step_again(replay: Replay, frame: int) -> tuple[Step, NDArray[np.int64]]:
+    """Return a step with its curves, and the labels it saw, shape (step,).
 
     Raises
     ------
     ResultError
-        If the step has none, or the descriptors lead to another best match than the table of steps names.
+        If it has none, or cannot be decided again.
     """
-    if step >= len(replay.steps):
-        raise ResultError(f"{replay.title} ends at step {len(replay.steps) - 1}, it has no step {step}")
-    if replay.steps["best_frame"][step] is None:
-        raise ResultError(f"step {step} of {replay.title} has no similarity curve: no node was a candidate")
-    row = replay.steps.row(step, named=True)
-    images, partition = ImageMemory(), Partition()
-    for before, description in zip(replay.steps.head(step + 1).iter_rows(named=True), described, strict=False):
-        images.append(description)
-        if before["frame"] < step:
-            partition.apply(step_from_row(before))
-    labels = partition.labels
-    members = {int(node): np.flatnonzero(labels == node) for node in np.unique(labels[labels > 0])}
-    mean = replay.config.mapper.prominence_mean
-    match = match_image(images, step, members, row["candidates"], prominence_mean=mean)
-    if match.best_frame != row["best_frame"]:
-        raise ResultError(
-            f"step {step}: the best match is image {match.best_frame}, the replay found {row['best_frame']}; "
-            "the images or the descriptor have changed since, so replay the sequence again"
-        )
-    return match, labels
+    if frame >= len(replay.steps):
+        raise ResultError(f"{replay.title} ends at step {len(replay.steps) - 1}, it has no step {frame}")
+    partition = Partition()
+    with replay.material() as material:
+        for step in decided_again(replay.config.mapper, replay.steps.head(frame + 1), material, replay.title):
+            if step.frame == frame:
+                if step.curves is None:
+                    raise ResultError(f"step {frame} of {replay.title} has no similarity curve: no node let it in")
+                return step, partition.labels
+            partition.apply(step)
+    raise ResultError(f"{replay.source} has no image {frame} any more; replay it again")
 
 
 def batch_curve(
@@ -153,7 +126,14 @@ def batch_curve(
     Returns
     -------
     One row a number of clusters: k, silhouette, time_slices.
+
+    Raises
+    ------
+    ResultError
+        If there are too many images for a matrix of all pairs.
     """
+    if fault := too_many(len(descriptors)):
+        raise ResultError(fault)
     usable = [k for k in ks if 2 <= k <= len(descriptors)]
     if not usable:
         return pl.DataFrame(schema={"k": pl.Int64, "silhouette": pl.Float64, "time_slices": pl.Float64})

@@ -28,15 +28,20 @@ _MEASURES = {"nodes": ("number of nodes", VIRIDIS, ".0f"), "silhouette": ("silho
 
 def sweep_figures(sweep: Sweep) -> list[Figure | Skipped]:
     """Return one figure for each dataset and descriptor: heat maps over two parameters, or lines over one."""
-    varied = [name for name, values in sweep.axes.items() if name != "descriptor" and len(values) > 1]
+    varied = [name for name, values in sweep.axes.items() if name not in GROUP and len(values) > 1]
     if not varied:
         return [Skipped("Nodes and silhouette over the parameters", "no parameter of this sweep has several values")]
-    axes = chosen_axes({name: sweep.axes[name] for name in varied})
-    rest = [name for name in varied if name not in axes]
     figures: list[Figure | Skipped] = []
-    for (dataset, _, descriptor), rows in sweep.table.group_by(GROUP, maintain_order=True):
+    for (dataset, _, mapper, descriptor), rows in sweep.table.group_by(GROUP, maintain_order=True):
+        axes = chosen_axes({name: sweep.axes[name] for name in varied if rows[name].null_count() < len(rows)})
+        rest = [name for name in varied if name not in axes]
+        if not axes:
+            figures.append(
+                Skipped(f"Sweep of {dataset}, {descriptor}, {mapper}", "no parameter of it has several values")
+            )
+            continue
         cells = best_over_the_rest(rows, axes)
-        subject = f"{dataset}, {descriptor}"
+        subject = f"{dataset}, {descriptor}, {mapper}"
         if cells["nodes"].null_count() == len(cells):
             figures.append(Skipped(f"Sweep of {subject}", "every run failed; the table of the sweep says why"))
         elif len(axes) == 1:

@@ -14,6 +14,7 @@ from omnieval.metrics.silhouette import silhouettes
 from omnieval.report.evidence import Moment, moments, positions_of
 from omnieval.report.figure import Chart, Figure, Skipped
 from omnieval.report.palette import BATCH, INK, PAPER, node_color, node_shape
+from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
 from omnieval.report.wording import counted, decimals, ordinal, sentences
 
@@ -51,7 +52,7 @@ def map_figure(replay: Replay) -> Figure | Skipped:
                 "Grey crosses belong to no node yet.",
                 f"Every {ordinal(stride)} image is drawn." if stride > 1 else "",
                 _last_words(replay),
-                "Corresponds to Figs 13 to 15 of the paper.",
+                "Corresponds to Figs 13 to 15 of the paper." if is_papers(replay) else "",
             ]
         ),
         alt=f"{len(charts)} maps of the same building, from {shown[0][0].frame + 1} to {len(positions)} images. "
@@ -66,7 +67,7 @@ def progress_figure(replay: Replay) -> Figure:
     """Return the number of nodes, and the silhouette where there are positions, while the map grows."""
     frames = sorted(set(np.linspace(0, len(replay.steps) - 1, _SAMPLES).astype(int).tolist()))
     positions = positions_of(replay.steps) if replay.posed else None
-    chosen = [moment for moment in moments(replay.steps) if moment.frame in frames]
+    chosen = [moment for moment in moments(replay) if moment.frame in frames]
     data = pl.DataFrame(
         {
             "image": [moment.frame for moment in chosen],
@@ -159,7 +160,7 @@ def _ten_moments(replay: Replay) -> list[tuple[Moment, bool]]:
     """Return ten moments evenly over the sequence, and whether each is the final map."""
     count = len(replay.steps)
     frames = {max(1, round(count * part / MOMENTS)) - 1 for part in range(1, MOMENTS + 1)}
-    chosen = [moment for moment in moments(replay.steps) if moment.frame in frames]
+    chosen = [moment for moment in moments(replay) if moment.frame in frames]
     if not replay.finished:
         return [(moment, False) for moment in chosen]
     final = replay.steps["node_final"].fill_null(0).cast(pl.Int64).to_numpy()

@@ -20,13 +20,13 @@ _MEASURES = {"nodes": "number of nodes", "silhouette": "silhouette"}
 def pieces_figures(sweep: Sweep) -> list[Figure | Skipped]:
     """Return one figure for each dataset and descriptor."""
     figures: list[Figure | Skipped] = []
-    for (dataset, _, descriptor), rows in sweep.table.group_by(GROUP, maintain_order=True):
-        subject = f"{dataset}, {descriptor}"
+    for (dataset, _, mapper, descriptor), rows in sweep.table.group_by(GROUP, maintain_order=True):
+        subject = f"{dataset}, {descriptor}, {mapper}"
         pieces = rows.drop_nulls("exact_from").sort("job", "exact_from")
         if pieces["nodes"].null_count() == len(pieces):
             figures.append(Skipped(f"Sweep of {subject}", "every run failed; the table of the sweep says why"))
         else:
-            figures.append(_figure(pieces, [name for name in sweep.axes if name != "descriptor"], subject))
+            figures.append(_figure(pieces, [name for name in sweep.axes if name not in GROUP], subject))
     return figures
 
 

@@ -8,6 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from omnieval.report.sources import Replay
 
 DOI = "https://doi.org/10.3390/app10186480"
 PAPER = "Román et al. 2020"
@@ -57,11 +61,18 @@ PUBLISHED = (
     _published("Freiburg", "gist", "-0.1449", 34, "1.5", "2.3", "0.15"),
 )
 
+_MAPPER = "roman2020"
+
 _ROUTES = (
     ("cold:", "freiburg", "seq2_cloudy3", "Freiburg"),
     ("cold:", "saarbr", "seq4_cloudy1", "Saarbrücken"),
 )
 """How the source of a route begins, what its path names, and the route: probable, for the paper names no sequence."""
+
+
+def is_papers(replay: Replay) -> bool:
+    """Whether a replay is one of the paper's method, so that its figures correspond to the paper's."""
+    return replay.mapper == _MAPPER
 
 
 def route_of(source: str) -> str | None:

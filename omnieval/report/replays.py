@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
-from omnieval.descriptors.cache import DescriptorCache
-from omnieval.descriptors.description import Description
-from omnieval.errors import OmnievalError
+from omnieval.errors import OmnievalError, ResultError
 from omnieval.report.batch import KS, SPECTRAL, Curves, batch_at, batch_figure, computed, recorded
 from omnieval.report.curves import curves_figure
-from omnieval.report.evidence import batch_curve, descriptions, positions_of, similarity_curve, telling_step
+from omnieval.report.evidence import batch_curve, position_descriptors, positions_of, step_again, telling_step
 from omnieval.report.figure import Block, Figure, Skipped
 from omnieval.report.maps import map_figure, progress_figure
+from omnieval.report.published import is_papers
 from omnieval.report.series import gate_figure, time_figure
 from omnieval.report.sources import Baseline, Replay
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -28,10 +31,8 @@ class DrawnReplay:
     batch: float | None
 
 
-def draw_replay(
-    replay: Replay, baselines: Sequence[Baseline], cache: DescriptorCache, *, step: int | None, figures: bool
-) -> DrawnReplay:
-    """Draw a replay.
+def draw_replay(replay: Replay, baselines: Sequence[Baseline], *, step: int | None, figures: bool) -> DrawnReplay:
+    """Draw a replay; what cannot be drawn is left out with the reason, and takes nothing else along.
 
     Parameters
     ----------
@@ -39,66 +40,72 @@ def draw_replay(
         What to draw.
     baselines
         Where batch clusterings of the same images are looked for.
-    cache
-        Where descriptions are looked up.
     step
         The step whose similarity curves to draw; None takes a telling one.
     figures
         Whether figures are wanted, or only what the tables need.
     """
-    telling = telling_step(replay.steps)
-    described = _described(replay, cache, telling)
+    descriptors = attempted(lambda: position_descriptors(replay))
     ks = sorted({*(KS if figures else ()), replay.nodes})
-    curves = _curves(replay, _beside(replay, baselines), described, ks)
+    curves = attempted(lambda: _curves(replay, _beside(replay, baselines), descriptors, ks))
     batch = batch_at(curves, replay.nodes) if isinstance(curves, Curves) else None
     if not figures:
         return DrawnReplay((), batch)
-    subject = f"{replay.dataset}, {replay.descriptor}"
-    silhouettes = (
-        batch_figure(curves, [replay] if replay.finished else [], subject)
-        if isinstance(curves, Curves)
-        else Skipped("Batch clustering over the number of clusters", curves)
-    )
-    blocks = (
-        map_figure(replay),
-        progress_figure(replay),
-        silhouettes,
-        _curves_block(replay, described, telling if step is None else step, chosen=step is not None),
-        gate_figure(replay),
-        time_figure(replay),
-    )
-    return DrawnReplay(blocks, batch)
+    subject = replay.subject
+    drawn: dict[str, Callable[[], Block | None]] = {
+        "The map at ten moments": lambda: map_figure(replay),
+        "Number of nodes while the map grows": lambda: progress_figure(replay),
+        "Batch clustering over the number of clusters": lambda: (
+            batch_figure(curves, [replay] if replay.finished else [], subject)
+            if isinstance(curves, Curves)
+            else Skipped("Batch clustering over the number of clusters", curves)
+        ),
+        "Similarity curves of a step": lambda: _curves_block(replay, descriptors, step),
+        "The gate x over the number of nodes": lambda: gate_figure(replay) if is_papers(replay) else None,
+        "Time per step": lambda: time_figure(replay),
+    }
+    blocks = (drawn_or_skipped(title, draw) for title, draw in drawn.items())
+    return DrawnReplay(tuple(block for block in blocks if block is not None), batch)
 
 
-def _described(replay: Replay, cache: DescriptorCache, telling: int | None) -> list[Description] | str:
-    """Return the descriptions of the replay's images, or the reason why they are not to be had.
-
-    They are tried on one step first: the descriptor may have been one of the user's own.
-    """
+def attempted(make: Callable[[], T]) -> T | str:
+    """Return what is made, or the reason why it cannot be: numerical trouble and missing inputs are no surprise here."""
     try:
-        described = list(descriptions(replay, cache))
-        if telling is not None:
-            similarity_curve(replay, described, telling)
+        return make()
     except OmnievalError as error:
-        return f"its images cannot be described again: {error}"
-    return described
+        return str(error)
+    except (
+        ArithmeticError,
+        ValueError,
+        MemoryError,
+        RuntimeError,
+        LookupError,
+    ) as error:  # LinAlgError is a ValueError
+        return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def drawn_or_skipped(title: str, draw: Callable[[], Block | None]) -> Block | None:
+    """Return a figure, or why it is left out."""
+    found = attempted(draw)
+    return Skipped(title, f"it cannot be drawn: {found}") if isinstance(found, str) else found
 
 
 def _curves(
-    replay: Replay, baselines: Sequence[Baseline], described: list[Description] | str, ks: Sequence[int]
-) -> Curves | str:
-    """Return the batch curves of a replay, or the reason why there are none."""
+    replay: Replay, baselines: Sequence[Baseline], descriptors: NDArray[np.float32] | str, ks: Sequence[int]
+) -> Curves:
+    """Return the batch curves of a replay."""
     if not replay.posed:
-        return "the sequence has no poses, so there is no silhouette"
+        raise ResultError("the sequence has no poses, so there is no silhouette")
     beside = recorded(baselines) if baselines else None
     if beside is not None and SPECTRAL in beside.table["method"].to_list():
         return beside
-    if isinstance(described, str):
-        return f"{described}; name a baseline folder of it beside (omnieval baseline)"
-    positions = np.stack([one.position for one in described])
-    curve = batch_curve(positions, positions_of(replay.steps), ks, seed=replay.config.mapper.seed)
+    if isinstance(descriptors, str):
+        raise ResultError(
+            f"its images cannot be described again: {descriptors}; name a baseline folder of it beside (omnieval baseline)"
+        )
+    curve = batch_curve(descriptors, positions_of(replay.steps), ks, seed=replay.config.seed)
     if curve.is_empty():
-        return "there are fewer than two images"
+        raise ResultError("there are fewer than two images")
     found = computed(curve)
     if beside is None:
         return found
@@ -107,19 +114,20 @@ def _curves(
     return Curves(pl.concat([kept, beside.table]), f"{found.origin} {beside.origin}")
 
 
-def _curves_block(
-    replay: Replay, described: list[Description] | str, step: int | None, *, chosen: bool
-) -> Figure | Skipped:
+def _curves_block(replay: Replay, descriptors: NDArray[np.float32] | str, step: int | None) -> Figure | Skipped:
+    chosen = step is not None
+    step = telling_step(replay) if step is None else step
     title = "Similarity curves of a step" if step is None else f"Similarity curves of step {step}"
+    if not replay.method.curves:
+        return Skipped(title, f"the mapper {replay.mapper} has none")
     if step is None:
         return Skipped(title, "no loop was closed; choose a step with --step")
-    if isinstance(described, str):
-        return Skipped(title, described)
-    try:
-        match, labels = similarity_curve(replay, described, step)
-    except OmnievalError as error:
-        return Skipped(title, str(error))
-    return curves_figure(replay, step, match, labels, chosen=chosen)
+    if isinstance(descriptors, str):
+        return Skipped(title, f"its images cannot be described again: {descriptors}")
+    found = attempted(lambda: step_again(replay, step))
+    if isinstance(found, str):
+        return Skipped(title, found)
+    return curves_figure(replay, *found, chosen=chosen)
 
 
 def _beside(replay: Replay, baselines: Sequence[Baseline]) -> list[Baseline]:
@@ -127,6 +135,6 @@ def _beside(replay: Replay, baselines: Sequence[Baseline]) -> list[Baseline]:
     return [
         baseline
         for baseline in baselines
-        if (baseline.source, dict(baseline.cut)) == (replay.source, dict(replay.cut))
+        if (baseline.source, baseline.cut) == (replay.source, replay.cut)
         and baseline.table["descriptor"][0] == replay.descriptor
     ]

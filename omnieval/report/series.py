@@ -6,11 +6,13 @@ import altair as alt
 import numpy as np
 import polars as pl
 
-from omnieval.mapping.conditions import gate_threshold
+from omnieval.mapping.roman2020.conditions import gate_threshold
 from omnieval.report.figure import Figure, Skipped
 from omnieval.report.palette import BATCH, CONTROL, OURS
+from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
 from omnieval.report.wording import counted, sentences
+from omnieval.results.tables import read_steps
 
 _MOST_NODES = 14
 """How far the gate is drawn at least; the paper's figure ends there."""
@@ -20,10 +22,10 @@ _WINDOW = 51
 
 def gate_figure(replay: Replay) -> Figure | Skipped:
     """Return x(C) over the number C of active nodes, with the steps the replay spent at each."""
-    visited = visited_gates(replay.steps)
+    visited = visited_gates(replay)
     if visited.is_empty():
         return Skipped("The gate x over the number of nodes", "no step of this replay asked a node")
-    omega = replay.config.mapper.omega
+    omega = float(replay.config.mapper.settings["omega"])
     last = max(_MOST_NODES, *visited["nodes"].to_list())
     line = [{"nodes": count, "x": gate_threshold(omega, count)} for count in range(1, last + 1)]
     scale = alt.Scale(zero=False, padding=12)
@@ -53,10 +55,14 @@ def gate_figure(replay: Replay) -> Figure | Skipped:
     )
 
 
-def visited_gates(steps: pl.DataFrame) -> pl.DataFrame:
+def visited_gates(replay: Replay) -> pl.DataFrame:
     """Return how many steps met each number of active nodes, and the x they had: nodes, x, steps."""
-    asked = steps.drop_nulls("gate_nodes").with_columns(nodes=pl.col("gate_nodes").list.len().cast(pl.Int64))
-    return asked.group_by("nodes").agg(pl.col("x_gate").first().alias("x"), pl.len().alias("steps")).sort("nodes")
+    asked = [one for step, _ in read_steps(replay.steps, ()) if (one := step.compared("node"))]
+    rows = pl.DataFrame(
+        {"nodes": [len(one.of) for one in asked], "x": [one.threshold for one in asked]},
+        schema={"nodes": pl.Int64, "x": pl.Float64},
+    )
+    return rows.group_by("nodes").agg(pl.col("x").first(), pl.len().alias("steps")).sort("nodes")
 
 
 def time_figure(replay: Replay) -> Figure | Skipped:
@@ -84,7 +90,9 @@ def time_figure(replay: Replay) -> Figure | Skipped:
                 f"Median {np.median(times):.2f} ms, slowest {times.max():.1f} ms.",
                 f"{counted(outside, 'step')} beyond the upper edge." if outside else "",
                 "The replay records the time of the whole step, not of its parts.",
-                "Corresponds to Figs S1 and S2 of the paper; its times are of another computer.",
+                "Corresponds to Figs S1 and S2 of the paper; its times are of another computer."
+                if is_papers(replay)
+                else "",
             ]
         ),
         alt=f"Line of the time per step over {counted(len(data), 'image')} with its running median, which goes from "

@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
+from omnieval.ablation.grid import COMPONENTS
 from omnieval.ablation.store import BEST, TABLE, Store, rows_table
 from omnieval.ablation.store import KIND as ABLATION
-from omnieval.config import Config, Setting, parameters, resolve
-from omnieval.errors import ResultError
-from omnieval.material import ARCHIVE_SCHEME
+from omnieval.benchmark import KIND as BASELINE
+from omnieval.benchmark import TABLE as PARTITIONS
+from omnieval.components import Component
+from omnieval.config import Config
+from omnieval.errors import ConfigError, ResultError
+from omnieval.imaging.settings import ImagingConfig
+from omnieval.mapping.interface import Method
+from omnieval.material import Cut, Material, held_against, opened, reopened
 from omnieval.metrics.evaluation import METRICS
 from omnieval.results.manifest import MANIFEST, read_manifest, status_of
-from omnieval.results.partition_folder import KIND as BASELINE
-from omnieval.results.partition_folder import TABLE as PARTITIONS
 from omnieval.results.run_folder import Run, open_run
 
 STEPS = "steps"
 """Where an ablation keeps decision traces."""
 
-GROUP = ("dataset", "source", "descriptor")
-"""Columns of `schemas.ABLATION` that name what is compared within itself."""
+GROUP = ("dataset", "source", "mapper", "descriptor")
+"""Columns of `schemas.ablation_schema` that name what is compared within itself."""
 
 
 @dataclass(frozen=True)
@@ -38,33 +44,74 @@ class Replay:
         What to call it.
     folder
         Where it stands.
-    dataset, source, descriptor
+    dataset, source
         What was replayed.
     cut
-        Start, stride and limit of the sequence.
+        Which of its frames.
     config
-        The parameters.
+        With what.
+    method
+        The words of its evidence.
     status
         How it ended.
     steps
-        One row a frame (`schemas.STEPS`).
+        One row a frame (`schemas.steps_schema`).
     metrics
         Of the final map; empty if there is none.
     facts
         Where it comes from: fingerprint, identity, code, versions.
+    run
+        The run folder; None for a run of a sweep, of which only the steps were kept.
+    skip_bad
+        Whether images that are not fit for use were left out.
     """
 
     title: str
     folder: Path
     dataset: str
     source: str
-    descriptor: str
-    cut: Mapping[str, Any]
+    cut: Cut
     config: Config
+    method: Method
     status: str
     steps: pl.DataFrame
     metrics: Mapping[str, float | int | None]
     facts: Mapping[str, Any]
+    run: Run | None = None
+    skip_bad: bool = False
+
+    @property
+    def descriptor(self) -> str:
+        """What described the images."""
+        return self.config.descriptor.name
+
+    @property
+    def mapper(self) -> str:
+        """What decided."""
+        return self.config.mapper.name
+
+    @property
+    def subject(self) -> str:
+        """Dataset, descriptor and a mapper that is not the default, in words."""
+        return ", ".join([self.dataset, self.descriptor, *([] if self.config.mapper.is_default else [self.mapper])])
+
+    @contextmanager
+    def material(self) -> Iterator[Material]:
+        """Give what was replayed; see `material.reopened`.
+
+        Raises
+        ------
+        ConfigError, DatasetError, ResultError
+            If it cannot be opened any more, or has changed since.
+        """
+        if self.run is not None:
+            with reopened(self.run) as material:
+                yield material
+            return
+        config = dataclasses.replace(self.config, descriptor=self.config.descriptor.again())
+        with opened(self.source, config, self.cut, skip_bad=self.skip_bad) as material:
+            files = self.steps["file"].to_list()
+            yield held_against(material, files, self.facts["dataset_fingerprint"], self.title)
 
     @property
     def posed(self) -> bool:
@@ -91,7 +138,7 @@ class Sweep:
     folder, status
         Where it is and how it ended.
     table
-        Its rows so far (`schemas.ABLATION`).
+        Its rows so far (`schemas.ablation_schema`).
     axes
         The values of every parameter that varies.
     fixed
@@ -128,7 +175,7 @@ class Baseline:
     folder: Path
     status: str
     source: str
-    cut: Mapping[str, Any]
+    cut: Cut
     table: pl.DataFrame
     facts: Mapping[str, Any]
 
@@ -179,26 +226,25 @@ def replay_of(run: Run) -> Replay:
     Raises
     ------
     ResultError
-        If it has no steps yet, or its parameters are not those of this version.
+        If it has no steps yet.
     """
     manifest = run.manifest
-    source: str = manifest["source"]
     steps = run.steps
     if steps.is_empty():
         raise ResultError(f"{run.folder} has no steps yet; let the replay go on")
-    config = _config(run.folder, manifest["configuration"])
     return Replay(
         title=run.folder.resolve().name,
         folder=run.folder,
         dataset=manifest["sequence"],
-        source=source,
-        descriptor="archive" if source.startswith(ARCHIVE_SCHEME) else config.descriptor,
-        cut=manifest["cut"],
-        config=config,
+        source=manifest["source"],
+        cut=Cut(**manifest["cut"]),
+        config=run.config,
+        method=run.method,
         status=run.status,
         steps=steps,
         metrics=run.metrics,
         facts=_facts(manifest),
+        run=run,
     )
 
 
@@ -212,7 +258,7 @@ def open_sweep(folder: Path) -> Sweep:
     """
     manifest = read_manifest(folder, ABLATION)
     whole = folder / TABLE
-    table = _table(whole) if whole.exists() else rows_table(Store(folder).rows())
+    table = _table(whole) if whole.exists() else rows_table(Store(folder).rows(), manifest["grid"]["types"])
     if table.is_empty():
         raise ResultError(f"{folder} has no runs yet; let the ablation go on (omnieval ablate --resume)")
     return Sweep(
@@ -238,26 +284,30 @@ def open_baseline(folder: Path) -> Baseline:
     if not (folder / PARTITIONS).exists():
         raise ResultError(f"{folder} has no partitions yet; let the baseline go on")
     table = _table(folder / PARTITIONS)
-    return Baseline(folder, status_of(manifest), manifest["source"], manifest["cut"], table, _facts(manifest))
+    return Baseline(folder, status_of(manifest), manifest["source"], Cut(**manifest["cut"]), table, _facts(manifest))
 
 
 def best_rows(table: pl.DataFrame) -> pl.DataFrame:
-    """Return the run with the highest silhouette of each dataset and descriptor, the first of equals."""
+    """Return the run with the highest silhouette of each dataset, mapper and descriptor, the first of equals."""
     scored = table.drop_nulls("silhouette").sort("silhouette", descending=True, maintain_order=True)
     return scored.group_by(GROUP, maintain_order=True).first().sort("job")
 
 
 def _kept_replays(folder: Path, manifest: Mapping[str, Any], table: pl.DataFrame) -> Iterable[Replay]:
-    """Yield the best run of each dataset and descriptor, where its steps were kept."""
+    """Yield the best run of each dataset, mapper and descriptor, where its steps were kept."""
     grid = manifest["grid"]
     cuts = dict(zip(grid["sources"], grid["cuts"], strict=True))
     prints = manifest.get("dataset_fingerprints") or {}
     recorded = _recorded(folder)
     for row in best_rows(table).iter_rows(named=True):
-        title = f"Best run of {folder.resolve().name}: {row['dataset']}, {row['descriptor']}"
+        title = f"Best run of {folder.resolve().name}: {row['dataset']}, {row['descriptor']}, {row['mapper']}"
         steps = folder / STEPS / f"{row['job']:05d}.parquet"
-        settings = {name: row[name] for name in parameters()}
-        if recorded is not None and recorded.source == row["source"] and _same(recorded.config, settings):
+        try:
+            config = config_of_row(row, grid)
+            method = Method.of(config.mapper.cls, config.mapper.name, config.mapper.settings)
+        except ConfigError:
+            continue  # of a component that is gone nothing can be said
+        if recorded is not None and recorded.source == row["source"] and recorded.config == config:
             yield replace(recorded, title=title)
         elif steps.exists():
             yield Replay(
@@ -265,15 +315,36 @@ def _kept_replays(folder: Path, manifest: Mapping[str, Any], table: pl.DataFrame
                 folder=folder,
                 dataset=row["dataset"],
                 source=row["source"],
-                descriptor=row["descriptor"],
-                cut=dict(zip(("start", "stride", "limit"), cuts[row["source"]], strict=True)),
-                config=resolve([Setting(name, value, str(folder)) for name, value in settings.items()]),
+                cut=Cut(*cuts[row["source"]]),
+                config=config,
+                method=method,
                 status="complete",
                 steps=_table(steps),
                 metrics={name: row[name] for name in METRICS},
                 facts=_facts(manifest)
                 | {"dataset_fingerprint": prints.get(row["source"]), "dataset_fingerprints": None},
+                skip_bad="skipped" in grid,
             )
+
+
+def config_of_row(row: Mapping[str, Any], grid: Mapping[str, Any]) -> Config:
+    """Return the configuration of a row of an ablation with this grid."""
+    about = {kind: {one["name"]: one for one in grid["components"][kind]}[row[kind]] for kind in COMPONENTS}
+    values = {name: row[name] for name in grid["types"]}
+    own = f"{row['descriptor']}."
+    settings = {
+        "mapper": {name: value for name, value in values.items() if "." not in name and value is not None},
+        "descriptor": {
+            name.removeprefix(own): value
+            for name, value in values.items()
+            if name.startswith(own) and value is not None
+        },
+    }
+    mapper, descriptor = (
+        Component.of_run(kind, {**about[kind], "settings": settings[kind]}) for kind in ("mapper", "descriptor")
+    )
+    imaging = {name.removeprefix("imaging."): value for name, value in values.items() if name.startswith("imaging.")}
+    return Config(mapper, descriptor, ImagingConfig.model_validate(imaging))
 
 
 def _recorded(folder: Path) -> Replay | None:
@@ -285,10 +356,6 @@ def _recorded(folder: Path) -> Replay | None:
     return replay_of(run) if run.status == "complete" else None
 
 
-def _same(config: Config, settings: Mapping[str, Any]) -> bool:
-    return config == resolve([Setting(name, value, "a row of the sweep") for name, value in settings.items()])
-
-
 def _kind(folder: Path) -> str:
     """Return what a folder says it holds; a replay is asked for what is missing."""
     try:
@@ -296,13 +363,6 @@ def _kind(folder: Path) -> str:
     except (OSError, ValueError):
         return ""
     return str(content.get("kind")) if isinstance(content, dict) else ""
-
-
-def _config(folder: Path, content: Mapping[str, Any]) -> Config:
-    try:
-        return Config.model_validate(content)
-    except ValueError as error:
-        raise ResultError(f"{folder} has parameters this omnieval does not know; replay the sequence again") from error
 
 
 def _facts(manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -33,19 +33,19 @@ _SUMMARY = {
 def summary_table(sources: Sources) -> Table:
     """Return one row a replay, a best run of a sweep, and a baseline at its best k."""
     rows: list[tuple[Cell, ...]] = [
-        (replay.title, replay.dataset, replay.descriptor, len(replay.steps), *_measured(replay.metrics))
+        (replay.title, replay.dataset, replay.mapper, replay.descriptor, len(replay.steps), *_measured(replay.metrics))
         for replay in sources.replays
     ]
     for sweep in sources.sweeps:
         rows += [
-            (f"{sweep.name}, best", row["dataset"], row["descriptor"], None, *_measured(row))
+            (f"{sweep.name}, best", row["dataset"], row["mapper"], row["descriptor"], None, *_measured(row))
             for row in best_rows(sweep.table).iter_rows(named=True)
         ]
     for baseline in sources.baselines:
         best = baseline.table.sort("silhouette", descending=True, nulls_last=True, maintain_order=True)
         row = best.row(0, named=True)
         title = f"{baseline.name}, best: {method_name(baseline)}"
-        rows.append((title, row["dataset"], row["descriptor"], None, *_measured(row)))
+        rows.append((title, row["dataset"], row["method"], row["descriptor"], None, *_measured(row)))
     notes = [
         "Silhouette over true positions, beside that of equal time slices and of k-means on the true positions, both "
         "with as many clusters; agreement of nodes and rooms (adjusted Rand index); share of images placed by a loop "
@@ -58,7 +58,7 @@ def summary_table(sources: Sources) -> Table:
     return Table(
         "summary",
         "Summary",
-        ("what", "dataset", "descriptor", "images", "nodes", *_SUMMARY.values()),
+        ("what", "dataset", "mapper", "descriptor", "images", "nodes", *_SUMMARY.values()),
         (("", tuple(rows)),),
         tuple(notes),
     )
@@ -66,11 +66,11 @@ def summary_table(sources: Sources) -> Table:
 
 def best_table(sweep: Sweep) -> Table:
     """Return the paper's Table 2: best and median of the sweep, beside the published best."""
-    others = [name for name in sweep.axes if name not in {"descriptor", "merge_y", "omega"}]
+    others = [name for name in sweep.axes if name not in {*GROUP, "merge_y", "omega"}]
     blank = [None for _ in others]
     rows: list[tuple[Cell, ...]] = []
     medians = {
-        row[:3]: row[3:]
+        row[:4]: row[4:]
         for row in sweep.table.group_by(GROUP, maintain_order=True)
         .agg(pl.col("silhouette").median(), pl.col("nodes").median().alias("n"), pl.len(), pl.col("error").count())
         .iter_rows()
@@ -82,7 +82,7 @@ def best_table(sweep: Sweep) -> Table:
         rows.append(
             (
                 group[0],
-                group[2],
+                f"{group[3]}, {group[2]}",
                 *found,
                 *(_set(row, name) for name in others),
                 silhouette,
@@ -100,7 +100,7 @@ def best_table(sweep: Sweep) -> Table:
         "Table 2: best of the sweep",
         (
             "dataset",
-            "descriptor",
+            "descriptor, mapper",
             "best silhouette",
             "nodes",
             "y",

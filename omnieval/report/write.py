@@ -22,8 +22,8 @@ from omnieval.report.figure import Content, Figure, Skipped
 from omnieval.report.page import Drawn, page
 from omnieval.report.sources import open_sources
 from omnieval.results.atomic import replacing
-from omnieval.results.inside import FIGURES, PAGE, REPORT, report_files
-from omnieval.results.manifest import MANIFEST, Manifest, read_manifest
+from omnieval.results.folder import FIGURES, PAGE, REPORT, ResultFolder, report_files
+from omnieval.results.manifest import expanded
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Report:
 
 
 def write_report(
-    paths: Iterable[Path], order: Order | None = None, *, out: Path | None = None, overwrite: bool = False
+    paths: Iterable[str | Path], order: Order | None = None, *, out: str | Path | None = None, overwrite: bool = False
 ) -> Report:
     """Write the report of folders of results.
 
@@ -78,17 +78,17 @@ def write_report(
     ResultError
         If a path cannot be read, or the folder not be written.
     """
-    given = list(paths)
+    given = [expanded(path) for path in paths]
     sources = open_sources(given)
-    folder = out or given[0] / REPORT
-    _refuse(folder, overwrite=overwrite)
-    content = build(sources, order or Order())
-    files = _files(content)
-    about: dict[str, Any] = {"paths": [str(path) for path in given], "files": list(files)}
+    folder = expanded(out or given[0] / REPORT)
+    about: dict[str, Any] = {"paths": [str(path) for path in given]}
     about["versions"] = {name: version(name) for name in ("omnieval", "altair", "vl-convert-python")}
-    manifest = Manifest(folder, REPORT, about, files=report_files(folder), overwrite=overwrite)
-    with manifest.closing():
+    with ResultFolder(folder, REPORT, files=report_files(folder), overwrite=overwrite) as held:
+        content = build(sources, order or Order())  # an earlier report stays until there is a new one
+        files = _files(content)
+        held.begin(about | {"files": list(files)})
         _write(folder, files)
+        held.complete()
     return Report(folder, content, tuple(files))
 
 
@@ -114,17 +114,3 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
     for name, content in files.items():
         with replacing(folder / name) as temporary:
             temporary.write_bytes(content)
-
-
-def _refuse(folder: Path, *, overwrite: bool) -> None:
-    """Say so at once, and not after minutes, if the folder cannot be taken."""
-    try:
-        written, occupied = (folder / MANIFEST).exists(), folder.is_dir() and any(folder.iterdir())
-    except OSError as error:
-        raise ResultError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
-    if written:
-        read_manifest(folder, REPORT)
-        if not overwrite:
-            raise ResultError(f"{folder} holds a {REPORT} already; choose another --out or pass --overwrite")
-    elif occupied:
-        raise ResultError(f"{folder} holds files that are not a {REPORT} of omnieval; choose another --out")

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: written beside, synced, and moved into place."""
+"""Files that appear whole or not at all: written beside, synced, and moved into place, whenever Ctrl-C comes."""
 
 from __future__ import annotations
 
@@ -7,15 +7,17 @@ import io
 import json
 import os
 import re
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import polars as pl
 
 from omnieval.errors import ResultError
-from omnieval.results.interrupts import interrupts_wait
 
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.\d+\.tmp")
 
@@ -63,3 +65,24 @@ def write_json(content: dict[str, Any], path: Path) -> None:
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
     with replacing(path) as temporary:
         temporary.write_text(text, "utf-8")
+
+
+@contextmanager
+def interrupts_wait() -> Iterator[None]:
+    """Let Ctrl-C wait until the block has ended.
+
+    A `KeyboardInterrupt` in the middle of native code, such as that of polars, gets lost there or comes out as another
+    error. Only the main thread is ever interrupted; in others this does nothing.
+    """
+    handler = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield
+        return
+    arrived: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: arrived.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    if arrived:
+        handler(*arrived[-1])

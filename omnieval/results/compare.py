@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,18 +11,15 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from omnieval.config import flattened
 from omnieval.errors import ConfigError
 from omnieval.mapping.partition import Partition
 from omnieval.results.run_folder import Run
-from omnieval.results.schemas import STEPS
-from omnieval.results.tables import step_from_row
+from omnieval.results.tables import read_steps
 from omnieval.wording import did_you_mean, shown
 
 _NOT_OF_THE_STEP = frozenset({"node_final", "placement", "forced", "milliseconds"})
-"""What only the end tells, and what the clock says."""
-
-AT_THE_STEP = tuple(name for name in STEPS if name not in _NOT_OF_THE_STEP)
-"""The columns of a step that are settled when it is taken."""
+"""Columns of what only the end tells, and of what the clock says."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Difference:
     columns
         Both values of every column that differs there; empty where a run has ended.
     settings
-        Both values of every parameter that differs between the runs.
+        Both values of all that determines a run and differs between the two (`determining`).
     """
 
     frame: int
@@ -88,10 +85,10 @@ def agreement(one: Run, other: Run) -> Agreement | None:
     verdicts = (left["verdict"].head(shared) == right["verdict"].head(shared)).to_numpy()
     partitions = np.zeros(shared, np.bool_)
     mine, theirs = Partition(), Partition()
-    rows = zip(left.head(shared).iter_rows(named=True), right.head(shared).iter_rows(named=True), strict=True)
-    for frame, (row, row_of_other) in enumerate(rows):
-        mine.apply(step_from_row(row))
-        theirs.apply(step_from_row(row_of_other))
+    steps = (read_steps(table.head(shared), run.method.columns) for table, run in ((left, one), (right, other)))
+    for frame, ((step, _), (step_of_other, _)) in enumerate(zip(*steps, strict=True)):
+        mine.apply(step)
+        theirs.apply(step_of_other)
         partitions[frame] = same_partition(mine.labels, theirs.labels)
     whole = len(left) == len(right) and one.status == other.status == "complete"
     return Agreement(verdicts, partitions, _final_ari(left, right) if whole else None)
@@ -135,12 +132,14 @@ def matched_nodes(one: NDArray[np.int64], other: NDArray[np.int64]) -> dict[int,
 
 def first_difference(one: Run, other: Run) -> Difference | None:
     """Return where two runs part, None if all their steps are equal to the bit."""
-    left, right = one.steps.select(AT_THE_STEP), other.steps.select(AT_THE_STEP)
+    left, right = one.steps, other.steps
+    settled = [name for name in left.columns if name in right.columns and name not in _NOT_OF_THE_STEP]
+    left, right = left.select(settled), right.select(settled)
     shared = min(len(left), len(right))
     frame = _first_unequal(left.head(shared), right.head(shared))
     if frame is None and len(left) == len(right):
         return None
-    settings = differing(_settings(one), _settings(other))
+    settings = differing(determining(one), determining(other))
     if frame is None:
         longer = left if len(left) > shared else right
         return Difference(shared, longer["file"][shared], {}, settings)
@@ -149,7 +148,7 @@ def first_difference(one: Run, other: Run) -> Difference | None:
 
 
 def compare(runs: Sequence[Run], columns: Sequence[str] | None = None) -> pl.DataFrame:
-    """Return one row a run: its folder, the parameters in which the runs differ, and all metrics.
+    """Return one row a run: its folder, all in which the runs differ that determines them, and all metrics.
 
     Parameters
     ----------
@@ -164,14 +163,15 @@ def compare(runs: Sequence[Run], columns: Sequence[str] | None = None) -> pl.Dat
     ConfigError
         If a column is neither a parameter nor a metric.
     """
-    settings = [_settings(run) for run in runs]
-    varied = [name for name in settings[0] if any(one.get(name) != settings[0][name] for one in settings)]
+    settings = [determining(run) for run in runs]
+    names = dict.fromkeys(name for one in settings for name in one)
+    varied = [name for name in names if any(one.get(name) != settings[0].get(name) for one in settings)]
     rows = [
         {
             "run": str(run.folder),
             "source": run.manifest["source"],
             "status": run.status,
-            **{name: str(one.get(name)) for name in (varied if columns is None else one)},
+            **{name: _text(one.get(name)) for name in (varied if columns is None else names)},
             **run.metrics,
         }
         for run, one in zip(runs, settings, strict=True)
@@ -220,13 +220,23 @@ def _first_unequal(left: pl.DataFrame, right: pl.DataFrame) -> int | None:
     return equal
 
 
-def _settings(run: Run) -> dict[str, Any]:
-    return dict(_flattened(run.manifest["configuration"], ""))
+def determining(run: Run) -> dict[str, Any]:
+    """Return everything that determines a run, by name: images and cut, camera, components with code and parameters."""
+    manifest, config = run.manifest, run.config
+    camera = manifest["camera"] or {}
+    return {
+        "mapper": config.mapper.name,
+        "descriptor": config.descriptor.name,
+        "frames": manifest["frames"],
+        **{f"cut.{name}": value for name, value in manifest["cut"].items()},
+        "skipped": len(manifest.get("skipped") or ()),
+        **config.settings,
+        **{f"camera.{name}": value for name, value in flattened(camera) if name != "origin"},
+        "mapper.code": config.mapper.code,
+        "descriptor.code": config.descriptor.code,
+        "images": manifest.get("dataset_fingerprint"),
+    }
 
 
-def _flattened(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    for name, value in content.items():
-        if isinstance(value, dict):
-            yield from _flattened(value, "" if name == "mapper" else f"{prefix}{name}.")
-        else:
-            yield prefix + name, value
+def _text(value: Any) -> str | None:
+    return None if value is None else str(value)

@@ -1,142 +1,38 @@
-"""``run.json``: what a folder of results holds, where it comes from, and how far it came.
+"""``run.json``: what a folder of results holds, where it comes from, how far it came, and which process writes it.
 
-Every folder that omnieval writes has one, whatever its kind; nothing is ever written into a folder that has something
-else in it, or that another process writes.
+Every folder that omnieval writes has one, whatever its kind; `results.folder` writes it.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
+import os
+import platform
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from omnieval.errors import ResultError
-from omnieval.results.atomic import is_temporary, write_json
-from omnieval.results.ownership import FolderTakenError, Hold, is_alive, this_process
 from omnieval.results.schemas import SCHEMA_VERSION
 
 MANIFEST = "run.json"
 _ALWAYS = {"status": str, "process": dict, "started": str, "metrics": dict}
 """What every manifest has."""
+_PROC = Path("/proc")
+_ENDED = "ended"
 
 
-class Manifest:
-    """The manifest of a folder that is being written; its status is always true.
-
-    Parameters
-    ----------
-    folder
-        Created, with its parents. Nobody else can write it until `release`, or until it is closed as anything but
-        ``complete``.
-    kind
-        What the folder holds, in a word.
-    content
-        What is known at the start.
-    files
-        Names, or patterns like ``parts/*.json``, of all other files that a folder of this kind can hold; of an earlier
-        one only these are removed.
-    overwrite
-        Whether an earlier folder of the same kind may be replaced.
+def expanded(folder: str | Path) -> Path:
+    """Return the path of a folder as it was given, with ``~`` for what it stands for.
 
     Raises
     ------
     ResultError
-        If the folder holds something already, is being written, or cannot be written.
+        If nobody has that home.
     """
-
-    content: dict[str, Any]
-    _path: Path
-    _hold: Hold
-
-    def __init__(
-        self, folder: Path, kind: str, content: dict[str, Any], *, files: Iterable[str], overwrite: bool
-    ) -> None:
-        self._path = folder / MANIFEST
-        self._hold = _entered(folder)
-        try:
-            _clear(folder, kind, files, overwrite=overwrite, hold=self._hold)
-            self._begin(kind, {"started": _now(), **content})
-        except BaseException:
-            self._hold.release()
-            raise
-
-    @classmethod
-    def reopen(cls, folder: Path, kind: str, content: dict[str, Any], *, files: Iterable[str]) -> Self:
-        """Go on with a folder that was closed or whose process has died; there is a ``run.json`` at every moment.
-
-        Parameters
-        ----------
-        folder, kind, content
-            As above; when it was first started is kept.
-        files
-            Names of files that are not true any more, to be removed.
-
-        Raises
-        ------
-        ResultError
-            If there is no such folder, it is being written, or it cannot be written.
-        """
-        read_manifest(folder, kind)  # an error about the folder comes before one about its lock
-        manifest = cls.__new__(cls)
-        manifest._path = folder / MANIFEST
-        manifest._hold = _entered(folder)
-        try:
-            earlier = read_manifest(folder, kind)
-            _refuse_running(folder, earlier, manifest._hold)
-            manifest._begin(kind, {"started": earlier["started"], "resumed": _now(), **content})
-            _remove(folder, files)
-        except BaseException:
-            manifest._hold.release()
-            raise
-        return manifest
-
-    def update(self, content: dict[str, Any]) -> None:
-        """Say more."""
-        together = self.content | content
-        write_json(together, self._path)
-        self.content = together
-
-    def close(self, status: str, content: dict[str, Any]) -> None:
-        """Say how it ended: ``complete``, ``interrupted`` or ``failed``."""
-        try:
-            self.update({**content, "status": status, "finished": _now()})
-        finally:
-            if status != "complete":
-                self.release()
-
-    @contextmanager
-    def closing(self) -> Iterator[None]:
-        """Say how the block ended, however it ends, and let others write the folder."""
-        status = "failed"
-        try:
-            yield
-            status = "complete"
-        except KeyboardInterrupt:
-            status = "interrupted"
-            raise
-        finally:
-            try:
-                self.close(status, {})
-            finally:
-                self.release()
-
-    def release(self) -> None:
-        """Let others write the folder."""
-        self._hold.release()
-
-    def _begin(self, kind: str, content: dict[str, Any]) -> None:
-        self.content = {
-            "schema_version": SCHEMA_VERSION,
-            "kind": kind,
-            "status": "running",
-            "process": this_process(),
-            "metrics": {},
-            **content,
-        }
-        write_json(self.content, self._path)
+    try:
+        return Path(folder).expanduser()
+    except RuntimeError as error:
+        raise ResultError(f"{folder}: there is no such home folder; give the path without ~") from error
 
 
 def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> dict[str, Any]:
@@ -162,17 +58,17 @@ def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> d
             "run it again or use the version that wrote it"
         )
     if (other := content.get("kind")) != kind:
-        word = _a(other) if isinstance(other, str) and other else "nothing we know"
-        raise ResultError(f"{folder} is {word}, not {_a(kind)}; name the folder of {_a(kind)}")
+        word = with_article(other) if isinstance(other, str) and other else "nothing we know"
+        raise ResultError(f"{folder} is {word}, not {with_article(kind)}; name the folder of {with_article(kind)}")
     if lacking := [name for name, type_ in _ALWAYS.items() if not isinstance(content.get(name), type_)]:
         raise ResultError(f"{path} is damaged: it has no {', '.join(lacking)}; run it again")
     return dict(content)
 
 
-def kind_of(folder: Path) -> str | None:
+def kind_of(folder: str | Path) -> str | None:
     """Return what a folder of results says it holds, in a word; None if it says no such thing."""
     try:
-        content = json.loads((folder / MANIFEST).read_text("utf-8"))
+        content = json.loads((expanded(folder) / MANIFEST).read_text("utf-8"))
     except (OSError, ValueError):
         return None
     kind = content.get("kind") if isinstance(content, dict) else None
@@ -185,86 +81,44 @@ def status_of(content: dict[str, Any]) -> str:
     return "interrupted" if status == "running" and not is_alive(content["process"]) else status
 
 
-def refuse_running(folder: Path, content: dict[str, Any]) -> None:
-    """See that nobody writes a folder, of which `content` is the manifest.
+def this_process() -> dict[str, Any]:
+    """Return what tells this process from every other: its id, its machine, and when it was born."""
+    return {"pid": os.getpid(), "host": platform.node(), "born": _born(os.getpid())}
 
-    Raises
-    ------
-    ResultError
-        If somebody does.
-    """
-    hold = _entered(folder)
+
+def is_alive(process: dict[str, Any]) -> bool:
+    """Whether a process of `this_process` still exists, as far as this machine can tell; if it cannot, it does."""
+    pid = process.get("pid")
+    if os.name != "posix" or process.get("host") != platform.node() or not isinstance(pid, int) or pid < 1:
+        return True
     try:
-        _refuse_running(folder, content, hold)
-    finally:
-        hold.release()
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass  # exists, of another user
+    now, then = _born(pid), process.get("born")
+    return now != _ENDED and (now is None or then is None or now == then)
 
 
-def _entered(folder: Path) -> Hold:
-    """Create a folder and hold it."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        return Hold(folder)
-    except FolderTakenError as error:
-        raise ResultError(
-            f"{folder} is being written by another process; wait for it or choose another --out"
-        ) from error
-    except OSError as error:
-        raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
-
-
-def _clear(folder: Path, kind: str, files: Iterable[str], *, overwrite: bool, hold: Hold) -> None:
-    """See that the folder is free to be written, and remove an earlier one of the same kind if that is wanted."""
-    try:
-        present = list(folder.iterdir())
-    except OSError as error:
-        raise ResultError(f"cannot read {folder}: {error.strerror}; choose another --out") from error
-    if all(is_temporary(path, of=MANIFEST) for path in present):  # whoever began here was killed before the first word
-        _remove(folder, ())
-        return
-    if not (folder / MANIFEST).exists():
-        raise ResultError(f"{folder} holds files that are not {_a(kind)} of omnieval; choose another --out")
-    earlier = read_manifest(folder, kind, oldest=1)  # to be replaced it need not be understood whole
-    _refuse_running(folder, earlier, hold)
-    if not overwrite:
-        raise ResultError(f"{folder} holds {_a(kind)} already; choose another --out or pass --overwrite")
-    # Whoever looks while its files go, or after we were killed there, finds what is true of the rest.
-    replaced = {"status": "interrupted", "reason": "it is being replaced by another run", "metrics": {}}
-    write_json(earlier | replaced, folder / MANIFEST)
-    _remove(folder, files)
-
-
-def _remove(folder: Path, files: Iterable[str]) -> None:
-    """Remove files of our own, the folders that become empty by it, and what killed processes left half-written."""
-    try:
-        ours = [path for pattern in files for path in folder.glob(pattern)]
-        left = [path for pattern in (".*.tmp", "*/.*.tmp") for path in folder.glob(pattern) if is_temporary(path)]
-        for path in (*ours, *left):
-            path.unlink(missing_ok=True)
-    except OSError as error:
-        raise ResultError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
-    within = {parent for path in ours for parent in path.parents if folder in parent.parents}
-    for parent in sorted(within, key=lambda parent: len(parent.parts), reverse=True):
-        with suppress(OSError):  # somebody else has something in it
-            parent.rmdir()
-
-
-def _refuse_running(folder: Path, content: dict[str, Any], hold: Hold) -> None:
-    if not hold.certain and status_of(content) == "running":
-        writer = content["process"]
-        raise ResultError(
-            f"{folder} is still being written by process {writer.get('pid')} on {writer.get('host')}; wait for it or "
-            "choose another --out"
-        )
-
-
-def _a(kind: str) -> str:
+def with_article(kind: str) -> str:
+    """Return the kind of a folder with its article."""
     return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
 
 
 def _folder_of(kind: str) -> str:
-    return "a run folder" if kind == "replay" else f"{_a(kind)} folder"
+    return "a run folder" if kind == "replay" else f"{with_article(kind)} folder"
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+def _born(pid: int) -> str | None:
+    """Return the boot and the tick at which a process was born, which no later one with its id shares.
+
+    None where the system does not say; `_ENDED` if it has ended and only waits for its parent to notice.
+    """
+    try:
+        boot = (_PROC / "sys/kernel/random/boot_id").read_text("ascii").strip()
+        fields = (_PROC / str(pid) / "stat").read_text("utf-8", "replace").rpartition(")")[2].split()
+    except OSError:
+        return None
+    state, ticks = fields[0], fields[19]
+    return _ENDED if state in {"Z", "X"} else f"{boot}/{ticks}"

@@ -16,9 +16,10 @@ import contextlib
 import hashlib
 import io
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import polars as pl
@@ -26,11 +27,10 @@ import polars as pl
 from omnieval.config import Config
 from omnieval.errors import ResultError
 from omnieval.mapping.interface import Method
-from omnieval.results.atomic import write_table
+from omnieval.results.atomic import interrupts_wait, write_table
 from omnieval.results.content import content_hash, folder_hash
-from omnieval.results.inside import report_inside
-from omnieval.results.interrupts import interrupts_wait
-from omnieval.results.manifest import Manifest, read_manifest, status_of
+from omnieval.results.folder import ResultFolder, reason_of
+from omnieval.results.manifest import expanded, read_manifest, status_of
 from omnieval.results.schemas import steps_schema
 from omnieval.results.tables import steps_frame
 from omnieval.wording import safe_name
@@ -61,6 +61,11 @@ class Run:
 
     folder: Path
     manifest: dict[str, Any]
+
+    def __repr__(self) -> str:
+        counted = {"frames": self.manifest.get("frames"), "nodes": self.metrics.get("nodes")}
+        facts = [self.status, *(f"{number} {name}" for name, number in counted.items() if number is not None)]
+        return f"Run({self.folder}: {', '.join(facts)})"
 
     @property
     def status(self) -> str:
@@ -134,12 +139,15 @@ def open_run(folder: str | Path) -> Run:
     ResultError
         If it is not one, or one of a schema this version does not know.
     """
-    path = Path(folder).expanduser()
-    return Run(path, read_manifest(path, KIND))
+    folder = expanded(folder)
+    return Run(folder, read_manifest(folder, KIND))
 
 
-class RunWriter:
-    """Writes one run folder as the run goes; the status in ``run.json`` is always true.
+class RunWriter(ResultFolder):
+    """Writes one run folder as the run goes; see `ResultFolder`.
+
+    A run that is left early keeps its steps. One that is complete stays so: what ends it early can only have cost the
+    recording.
 
     Parameters
     ----------
@@ -151,20 +159,28 @@ class RunWriter:
         Whether an earlier run in `folder` may be replaced. Only files that a run, or the report in it, wrote are
         removed.
 
-    Raises
-    ------
-    ResultError
-        If the folder holds something already or cannot be written.
+    Attributes
+    ----------
+    known_early
+        What to say besides of a run that is left early.
     """
 
-    def __init__(self, folder: Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
-        self.folder = folder
-        files = (*FILES, *report_inside(folder))
-        self._manifest = Manifest(folder, KIND, manifest, files=files, overwrite=overwrite)
+    def __init__(self, folder: str | Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
+        super().__init__(folder, KIND, manifest, files=FILES, overwrite=overwrite)
+        self.known_early: Callable[[], dict[str, Any]] = dict
         self._columns = method_of(manifest).columns
         self._rows: list[dict[str, Any]] = []
         self._written: list[pl.DataFrame] = []
         self._last_write = time.monotonic()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if error is not None and self.content.get("status") == "complete":
+                self.annotate({"recording_failure": reason_of(error)})
+        finally:
+            super().__exit__(kind, error, trace)
 
     def step(self, row: dict[str, Any]) -> None:
         """Add the row of one step (`tables.step_row`)."""
@@ -179,13 +195,13 @@ class RunWriter:
         self._rows = []
         return self._written[0]
 
-    def complete(self, tables: dict[str, pl.DataFrame], manifest: dict[str, Any]) -> Run:
+    def finish(self, tables: dict[str, pl.DataFrame], manifest: dict[str, Any]) -> Run:
         """Write the final tables (by the names in `TABLES`) and close the run as complete."""
         for name, table in tables.items():
-            write_table(table, self.folder / f"{name}.parquet")
+            write_table(table, self.path / f"{name}.parquet")
         hashes = {name: content_hash(table) for name, table in tables.items()}
-        sealed = {"content_hashes": hashes, "file_digests": self._file_digests()}
-        return self._close("complete", {**manifest, **sealed})
+        self.complete({**manifest, "content_hashes": hashes, "file_digests": self._file_digests()})
+        return Run(self.path, self.content)
 
     def annotate(self, manifest: dict[str, Any]) -> Run:
         """Add to ``run.json`` of a complete run what was learned since, of its recording.
@@ -193,34 +209,25 @@ class RunWriter:
         The run is complete without it: if it cannot be written any more, the run that is returned has it all the same.
         """
         with contextlib.suppress(ResultError):
-            self._manifest.update(manifest)
-        return Run(self.folder, self._manifest.content | manifest)
+            self.update(manifest)
+        return Run(self.path, self.content | manifest)
 
-    def abandon(self, status: str, reason: str, fingerprint: str) -> Run:
-        """Close a run that did not reach its end (`interrupted` or `failed`); its steps stay readable.
+    def _seal(self) -> dict[str, Any]:
+        write_table(self.steps(), self.path / "steps.parquet")
+        return {**self.known_early(), "file_digests": self._file_digests()}
 
-        A run that is complete stays so: what ends it early can only have cost the recording.
-        """
-        if self._manifest.content["status"] == "complete":
-            return self.annotate({"recording_failure": reason})
-        try:
-            write_table(self.steps(), self.folder / "steps.parquet")
-            about = {"reason": reason, "dataset_fingerprint": fingerprint, "file_digests": self._file_digests()}
-            return self._close(status, about)
-        finally:
-            self._manifest.release()
-
-    def release(self) -> None:
-        """Let others write the folder; calling it again does nothing."""
-        self._manifest.release()
+    def _close(self, status: str, content: dict[str, Any]) -> None:
+        super()._close(status, content)
+        if (self.path / "steps.parquet").exists():
+            _remove_parts(self.path)
 
     def _file_digests(self) -> dict[str, str]:
         """Return the digests of the tables as they are on disk."""
-        files = [path for name in TABLES if (path := self.folder / f"{name}.parquet").exists()]
+        files = [path for name in TABLES if (path := self.path / f"{name}.parquet").exists()]
         return {path.name: _digest(path.read_bytes()) for path in files}
 
     def _write_part(self) -> None:
-        parts = self.folder / _PARTS
+        parts = self.path / _PARTS
         with interrupts_wait():
             part = steps_frame(self._rows, self._columns)
         try:
@@ -231,11 +238,6 @@ class RunWriter:
         self._written.append(part)
         self._rows = []
         self._last_write = time.monotonic()
-
-    def _close(self, status: str, manifest: dict[str, Any]) -> Run:
-        self._manifest.close(status, manifest)
-        _remove_parts(self.folder)
-        return Run(self.folder, self._manifest.content)
 
 
 def free_folder(parent: Path, name: str) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, get_args
+from typing import get_args
 
 import polars as pl
 from pydantic.fields import FieldInfo
@@ -127,14 +127,17 @@ work that the rows of one table share. `k` is the number of clusters asked for, 
 `similarity` is null where none is used."""
 
 
-def _type_of(annotation: Any) -> type[pl.DataType]:
-    """Return the column type of a parameter; choices and names are text."""
-    types = set(get_args(annotation)) | {annotation}
-    return pl.Float64 if float in types else pl.Int64 if int in types else pl.String
+_PARAMETER_TYPES: dict[str, type[pl.DataType]] = {"float": pl.Float64, "int": pl.Int64, "text": pl.String}
 
 
-def ablation_schema(parameters: Mapping[str, FieldInfo]) -> pl.Schema:
-    """Return the columns of an ablation over components that have these parameters, by the names they are set with.
+def parameter_type(field: FieldInfo) -> str:
+    """Return the type of the column of a parameter in a word; choices and names are text."""
+    types = set(get_args(field.annotation)) | {field.annotation}
+    return "float" if float in types else "int" if int in types else "text"
+
+
+def ablation_schema(parameters: Mapping[str, str]) -> pl.Schema:
+    """Return the columns of an ablation whose components have these parameters, by name, with their types in words.
 
     One row a run, in the order of its grid (`job`): the source, mapper and descriptor, every parameter (null where the
     row's components have none of that name), the metrics of a run, the silhouette of batch spectral clustering with as
@@ -150,7 +153,7 @@ def ablation_schema(parameters: Mapping[str, FieldInfo]) -> pl.Schema:
             "source": pl.String,
             "mapper": pl.String,
             "descriptor": pl.String,
-            **{name: _type_of(field.annotation) for name, field in parameters.items()},
+            **{name: _PARAMETER_TYPES[kind] for name, kind in parameters.items()},
             **_METRICS,
             "batch_silhouette": pl.Float64,
             "smallest_margin": pl.Float64,

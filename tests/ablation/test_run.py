@@ -1,6 +1,7 @@
 """An ablation: each row is that of an independent replay, whatever the processes, and however often it was stopped."""
 
 import json
+import os
 
 import polars as pl
 import pytest
@@ -136,6 +137,52 @@ def test_a_damaged_part_is_run_again(ablation, panoramas, tmp_path):
     states = [state for _, state in job_states(plan_of(panoramas), first.folder, keep_steps=False)]
     assert states == ["done"] * 3 + ["not started"] + ["done"] * 2
     assert results(run_plan(plan_of(panoramas), out=first.folder, resume=True).table).equals(results(ablation.table))
+
+
+def out_of_memory(*arguments):
+    raise MemoryError("Unable to allocate 12 GiB")
+
+
+def end_the_process(*arguments):
+    os._exit(9)
+
+
+@pytest.mark.parametrize(
+    ("jobs", "batch", "reason"),
+    [
+        (1, out_of_memory, "MemoryError: Unable to allocate 12 GiB"),
+        (2, end_the_process, "a worker process was killed, perhaps for want of memory"),
+    ],
+)
+def test_a_finished_sweep_is_not_lost_with_what_stands_beside_it(
+    ablation, panoramas, tmp_path, monkeypatch, jobs, batch, reason
+):
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr("omnieval.ablation.run.batch_silhouettes", batch)
+        lacking = run_plan(plan_of(panoramas), out=out, jobs=jobs, csv=True)
+    assert lacking.lacking == reason
+    assert lacking.table["batch_silhouette"].null_count() == 6
+    assert results(lacking.table).equals(
+        results(ablation.table.with_columns(batch_silhouette=pl.lit(None, pl.Float64)))
+    )
+    assert pl.read_parquet(out / "ablation.parquet").equals(lacking.table)
+    content = read_manifest(out, "ablation")
+    assert (content["status"], content["null_reasons"]) == ("complete", {"batch_silhouette": reason})
+    resumed = run_plan(plan_of(panoramas), out=out, resume=True)
+    assert results(resumed.table).equals(results(ablation.table))
+    assert read_manifest(out, "ablation")["null_reasons"] == {}
+
+
+def test_the_table_is_there_before_what_stands_beside_it(panoramas, tmp_path, monkeypatch):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("omnieval.ablation.run._Work.with_batch", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_plan(plan_of(panoramas), out=tmp_path / "out")
+    assert read_manifest(tmp_path / "out", "ablation")["status"] == "interrupted"
+    assert len(pl.read_parquet(tmp_path / "out" / "ablation.parquet")) == 6
 
 
 @pytest.fixture

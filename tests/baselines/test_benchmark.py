@@ -142,8 +142,16 @@ def test_only_a_baseline_is_overwritten_and_only_when_asked(archive, tmp_path):
     assert len(open_run(run).steps) == 80
 
 
-@pytest.mark.parametrize(("stop", "status"), [(KeyboardInterrupt(), "interrupted"), (DatasetError("gone"), "failed")])
-def test_a_baseline_that_is_stopped_keeps_its_rows_and_says_so(archive, stop, status, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("stop", "status", "reason"),
+    [
+        (KeyboardInterrupt(), "interrupted", "interrupted by the user"),
+        (DatasetError("gone"), "failed", "gone"),
+        (MemoryError("24 GiB"), "failed", "MemoryError: 24 GiB"),
+        (np.linalg.LinAlgError("no convergence"), "failed", "LinAlgError: no convergence"),
+    ],
+)
+def test_a_baseline_that_is_stopped_keeps_its_rows_and_says_so(archive, stop, status, reason, tmp_path, monkeypatch):
     whole: list[Evaluation] = []
 
     def evaluate(*arguments, **options):
@@ -155,5 +163,12 @@ def test_a_baseline_that_is_stopped_keeps_its_rows_and_says_so(archive, stop, st
     monkeypatch.setattr("omnieval.benchmark.evaluate", evaluate)
     with pytest.raises(type(stop)):
         run_baseline(archive, ks=[2, 3, 4], out=tmp_path / "out")
-    assert manifest(tmp_path / "out")["status"] == status
+    assert (manifest(tmp_path / "out")["status"], manifest(tmp_path / "out")["reason"]) == (status, reason)
     assert pl.read_parquet(tmp_path / "out" / "baseline.parquet")["k"].to_list() == [2, 3]
+    monkeypatch.undo()
+    assert len(omnieval.baseline(archive, ks=[2, 3, 4], out=tmp_path / "out", overwrite=True)) == 3
+
+
+def test_paths_may_be_text_and_start_at_home(archive, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert run_baseline(archive, ks=[3], out="~/out").folder == tmp_path / "out"

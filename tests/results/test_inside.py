@@ -6,9 +6,7 @@ import polars as pl
 import pytest
 
 from omnieval.errors import ResultError
-from omnieval.results.inside import report_files
-from omnieval.results.manifest import Manifest
-from omnieval.results.partition_folder import PartitionWriter
+from omnieval.results.folder import ResultFolder, report_files
 from omnieval.results.run_folder import RunWriter
 from omnieval.results.schemas import STEPS
 
@@ -16,22 +14,21 @@ REPORT = ("index.html", "figures/01-map.svg", "figures/01-map.png", "figures/01-
 
 
 def replay(folder, *, overwrite=False):
-    writer = RunWriter(folder, {}, overwrite=overwrite)
-    writer.complete({"steps": STEPS.to_frame(), "nodes": pl.DataFrame(), "transitions": pl.DataFrame()}, {})
-    writer.release()
+    with RunWriter(folder, {}, overwrite=overwrite) as writer:
+        writer.finish({"steps": STEPS.to_frame(), "nodes": pl.DataFrame(), "transitions": pl.DataFrame()}, {})
 
 
 def baseline(folder, *, overwrite=False):
-    PartitionWriter(folder, {}, overwrite=overwrite).close("complete", {})
+    with ResultFolder(folder, "baseline", {}, files=["baseline.parquet"], overwrite=overwrite) as held:
+        held.complete()
 
 
 def report(folder, files=REPORT):
-    manifest = Manifest(folder, "report", {"files": list(files)}, files=(), overwrite=False)
-    (folder / "figures").mkdir()
-    for name in REPORT:
-        (folder / name).write_text("drawn")
-    with manifest.closing():
-        pass
+    with ResultFolder(folder, "report", {"files": list(files)}) as held:
+        (folder / "figures").mkdir()
+        for name in REPORT:
+            (folder / name).write_text("drawn")
+        held.complete()
 
 
 def listing(folder):
@@ -91,11 +88,9 @@ def test_a_forged_manifest_cannot_have_other_files_removed(tmp_path):
 def test_a_report_that_is_being_written_is_not_taken_away(tmp_path):
     run = tmp_path / "run"
     replay(run)
-    under_way = Manifest(run / "report", "report", {"files": []}, files=(), overwrite=False)
-    with pytest.raises(ResultError, match="being written by another process"):
-        replay(run, overwrite=True)
-    assert json.loads((run / "run.json").read_text())["status"] == "complete"
-    with under_way.closing():
-        pass
+    with ResultFolder(run / "report", "report", {"files": []}):
+        with pytest.raises(ResultError, match="being written by another process"):
+            replay(run, overwrite=True)
+        assert json.loads((run / "run.json").read_text())["status"] == "complete"
     replay(run, overwrite=True)
     assert not (run / "report").exists()

@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from omnieval.results.interrupts import interrupts_wait
+from omnieval.results.atomic import interrupts_wait
 
 
 def test_an_interrupt_in_the_block_is_answered_at_its_end():
