@@ -114,7 +114,6 @@ def fields_of(step: Step, partition: Partition, mapper: Roman2020) -> dict[str, 
             "ratios": np.array(gate.values),
             "candidates": list(gate.passing),
         }
-        assert step.measured["x_gate"] == gate.threshold
     if (centroid := step.compared("centroid")) is not None:
         assert (centroid.best, centroid.threshold) == (fields["centroid_shift"], fields["centroid_bound"])
     return fields | _match_fields(step, mapper)
