@@ -95,7 +95,7 @@ class TestSixImagesOnALine:
     def test_the_map_in_the_end(self) -> None:
         _, final = self.replayed()
         assert final.labels.tolist() == [1, 1, 1, 2, 2, 1]
-        assert (final.nodes, final.active) == ((1, 2), {1, 2})
+        assert final.active == set(final.nodes) == {1, 2}
         founding, closed = Placement.FOUNDING, Placement.LOOP_CLOSURE
         assert final.placements == (founding, closed, closed, founding, closed, closed)
         assert final.representatives[:, 0].tolist() == pytest.approx([1.5, 9.5])

@@ -35,7 +35,7 @@ def grid(base: Roman2020Settings) -> tuple[Roman2020Settings, ...]:
     return tuple(base.model_copy(update=dict(zip(GRID, point, strict=True))) for point in points)
 
 
-def alone(config: Roman2020Settings, descriptions: Sequence[Description]) -> tuple[list[Step], FinalMap]:
+def alone(config: Any, descriptions: Sequence[Description]) -> tuple[list[Step], FinalMap]:
     mapper = Roman2020(config)
     return [mapper.step(description) for description in descriptions], mapper.finish()
 
@@ -50,7 +50,7 @@ def swept(
 ) -> dict[Roman2020Settings, tuple[list[Step], FinalMap]]:
     """What a sweep gives every configuration."""
     sweep = Sweep(Roman2020, [Points(tuple(points))])
-    steps: dict[Roman2020Settings, list[Step]] = {config: [] for config in points}
+    steps: dict[Any, list[Step]] = {config: [] for config in points}
     for taken in sweep.steps(descriptions):
         for region, step in taken:
             for config in region.settings:
