@@ -6,7 +6,7 @@ two replays be opened side by side. What varies stands in the recording's name a
 
 from __future__ import annotations
 
-import colorsys
+from omnieval import palette
 
 APPLICATION_ID = "omnieval"
 
@@ -91,7 +91,7 @@ BACKGROUND_COLOR = 0x0D1011FF
 """Of the map, whose colours are made for it: the viewer is bright where the desktop is."""
 GREY_TEXT_COLOR = 0x8B949EFF
 """To be read on a dark and on a bright ground."""
-UNASSIGNED_COLOR = 0x6E7681FF
+UNASSIGNED_COLOR = 0x8B949EFF
 ACCEPTED_COLOR = 0x5CCB7AFF
 REFUSED_COLOR = 0xFF9F40FF
 MISSED_COLOR = 0xFFEA46FF
@@ -126,21 +126,10 @@ ROOM_COLORS = (
 """Colours of the first rooms, as they come: Paul Tol's muted scheme, told apart by people of any colour vision, with
 its indigo made lighter for the black ground."""
 
-_GOLDEN_RATIO = 0.6180339887498949
-
 
 def node_color(node: int) -> int:
-    """Return the colour of a node, 0xRRGGBBAA; it depends on the number alone, so that colours are stable.
-
-    Hues advance by the golden ratio, which keeps nodes of neighbouring numbers far apart on the colour wheel.
-    Node 0 stands for unassigned images, which are grey.
-    """
-    if node == 0:
-        return UNASSIGNED_COLOR
-    hue = (0.58 + _GOLDEN_RATIO * (node - 1)) % 1.0
-    lightness, saturation = ((0.62, 0.75), (0.56, 0.55), (0.74, 0.70))[node % 3]
-    red, green, blue = (round(255 * channel) for channel in colorsys.hls_to_rgb(hue, lightness, saturation))
-    return red << 24 | green << 16 | blue << 8 | 0xFF
+    """Return the colour of a node, 0xRRGGBBAA, which it has in reports as well; 0 stands for unassigned images."""
+    return int(palette.node_color(node)[1:] + "FF", 16)
 
 
 def room_color(index: int) -> int:

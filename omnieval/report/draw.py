@@ -14,8 +14,8 @@ from typing import Any
 import altair as alt
 import vl_convert
 
+from omnieval.palette import GRID, INK, MUTED
 from omnieval.report.figure import Chart
-from omnieval.report.palette import GRID, INK, MUTED
 
 PNG_SCALE = 2.0
 """Pixels of the PNG for each of the SVG: sharp in print at column width."""

@@ -11,12 +11,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from omnieval.metrics.silhouette import silhouettes
+from omnieval.palette import BATCH, INK, PAPER, node_color, node_shape
 from omnieval.report.evidence import Moment, moments, positions_of
 from omnieval.report.figure import Chart, Figure, Skipped
-from omnieval.report.palette import BATCH, INK, PAPER, node_color, node_shape
 from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
-from omnieval.report.wording import counted, decimals, ordinal, sentences
+from omnieval.wording import counted, decimals, ordinal, sentences
 
 MOMENTS = 10
 _MOST_IMAGES = 240

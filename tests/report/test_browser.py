@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from omnieval.report.palette import contrast
+from omnieval.palette import contrast
 from omnieval.report.write import write_report
 
 pytestmark = pytest.mark.browser

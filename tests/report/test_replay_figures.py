@@ -11,6 +11,7 @@ from omnieval.errors import DatasetError, ResultError
 from omnieval.mapping.conditions import gate_threshold
 from omnieval.mapping.step import Match
 from omnieval.metrics.silhouette import silhouettes
+from omnieval.palette import node_color, node_shape
 from omnieval.report.batch import SPECTRAL, batch_at, batch_figure, computed, recorded
 from omnieval.report.curves import curve_rows, curves_figure, node_borders
 from omnieval.report.evidence import (
@@ -24,7 +25,6 @@ from omnieval.report.evidence import (
 )
 from omnieval.report.figure import Skipped
 from omnieval.report.maps import map_figure, progress_figure
-from omnieval.report.palette import node_color, node_shape
 from omnieval.report.replays import draw_replay
 from omnieval.report.series import gate_figure, step_times, time_figure, visited_gates
 from omnieval.report.sources import open_sources

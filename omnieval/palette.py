@@ -1,6 +1,7 @@
-"""Colours that everybody can tell apart, on light and on dark paper, and the ink that is readable on them.
+"""Colours that everybody can tell apart, on light and on dark ground, and the ink that is readable on them.
 
-A node is never known by its colour alone: it also has a shape and its number.
+A node has one colour in the viewer and in reports. It is never known by its colour alone: it also has its number, and
+in reports a shape.
 """
 
 from __future__ import annotations
@@ -14,10 +15,19 @@ PAPER = "#fdfdfe"
 """Text and lines, lesser ones, grid, and the halo of labels. The page gives these four other values on dark paper, so
 nothing else may be drawn in them."""
 
-NODE_COLORS = ("#3366cc", "#d55e00", "#009e73", "#a0522d", "#3a9bdc", "#008b9e")
-"""Colours of nodes: at least 3 : 1 against both papers, and far apart for normal sight, protanopia and deuteranopia."""
+# fmt: off
+NODE_COLORS = (
+    "#3366cc", "#d55e00", "#009e73", "#a0522d", "#3a9bdc", "#008b9e", "#d20afa", "#96960a", "#d20078",
+    "#fa465a", "#506e28", "#c86ed2", "#5a50f0", "#b48214", "#96506e", "#e66e6e", "#a032be", "#9682b4",
+    "#9632f0", "#f00a0a", "#be2864", "#aa8c50", "#9682fa", "#fa00b4", "#a000fa", "#6ea00a", "#32785a",
+    "#0a781e", "#f032e6", "#be32a0", "#5a46fa", "#dc64a0", "#b47864", "#8c6428", "#828ce6", "#964696",
+    "#d27800", "#b43c6e", "#789664", "#be3232", "#648cd2", "#1e64fa",
+)
+# fmt: on
+"""Colours of nodes as they come: at least 3 : 1 against both papers and the viewer's ground, any six in succession far
+apart for normal sight, protanopia and deuteranopia, and so are those of one shape among thirty in succession."""
 NODE_SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down")
-"""As many as share no factor with the colours, so that 30 nodes differ in one or the other."""
+"""As many as share no factor with the colours, so that 210 nodes differ in one or the other."""
 UNASSIGNED = "#8b949e"
 
 OURS = "#d55e00"
