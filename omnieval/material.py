@@ -261,6 +261,7 @@ def _of_images(
     unposed = why_unposed(sequence.frames)
     sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
     camera = camera or resolve_camera(sequence, config.imaging, cache)
+    described: Iterator[DescribedFrame]
     if undescribed_cells is None:
         described = Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
         first = next(described)
