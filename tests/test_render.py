@@ -83,7 +83,8 @@ def stays(run, error, match, **options):
 def test_a_recording_made_again_says_what_that_of_the_replay_says(panoramas, tmp_path, mapper):
     config = CONFIG if mapper == "roman2020" else {}
     run = replay(panoramas, config=config, mapper=mapper, limit=LIMIT, out=tmp_path / "run", recording=True)
-    first, said = digest(run.recording), []
+    said: list[str] = []
+    first = digest(run.recording)
     run.recording.unlink()
     assert render(open_run(run.folder), note=said.append) == run.recording
     assert digest(run.recording) == first
@@ -171,7 +172,8 @@ def test_a_run_without_its_end_has_the_steps_it_came_to(images, tmp_path):
 
 def without_curves(run):
     """Check that the recording that is made again shows everything but curves; return what was said about it."""
-    before, said = rows_per_entity(run.recording), []
+    said: list[str] = []
+    before = rows_per_entity(run.recording)
     run.recording.unlink()
     render(open_run(run.folder), note=said.append)
     after = rows_per_entity(run.recording)
