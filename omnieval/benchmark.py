@@ -8,25 +8,21 @@ baseline leaves a readable prefix.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from omnieval.baselines.methods import METHODS, Images, Method
-from omnieval.baselines.similarity import SIMILARITIES, Similarity
-from omnieval.config import Config, resolve
-from omnieval.datasets import Sequence, load
-from omnieval.descriptors.cache import DescriptorCache
-from omnieval.descriptors.description import Descriptor
+from omnieval.baselines.similarity import SIMILARITIES, Similarity, too_many
+from omnieval.config import Config, as_config, resolve
 from omnieval.errors import ConfigError
-from omnieval.material import Material, archive_material, image_material
+from omnieval.material import Cut, Material, Source, opened
 from omnieval.metrics.evaluation import evaluate
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
@@ -63,34 +59,49 @@ class _Order:
     ks: tuple[int, ...]
 
 
-class Options(TypedDict, total=False):
-    """What may be asked of a baseline; `run_baseline` describes each."""
-
-    method: str
-    similarity: str | None
-    ks: Iterable[int] | None
-    at_k_of: str | Path | None
-    config: Config | None
-    descriptor: Descriptor | None
-    out: str | Path | None
-    overwrite: bool
-    progress: Progress | None
-
-
-def baseline(source: str | Path | Sequence = "synthetic", **options: Unpack[Options]) -> pl.DataFrame:
+def baseline(
+    source: Source = "synthetic",
+    *,
+    method: str = "spectral",
+    similarity: str | None = None,
+    ks: Iterable[int] | None = None,
+    at_k_of: str | Path | None = None,
+    config: Config | Mapping[str, Any] | None = None,
+    descriptor: Any = None,
+    start: int = 0,
+    stride: int = 1,
+    limit: int | None = None,
+    skip_bad: bool = False,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> pl.DataFrame:
     """Part a sequence by another method and return one row a partition (`schemas.PARTITIONS`); see `run_baseline`."""
-    return run_baseline(source, **options).table
+    return run_baseline(
+        source,
+        method=method,
+        similarity=similarity,
+        ks=ks,
+        at_k_of=at_k_of,
+        config=as_config(config, descriptor=descriptor),
+        cut=Cut(start, stride, limit),
+        skip_bad=skip_bad,
+        out=out,
+        overwrite=overwrite,
+        progress=progress,
+    ).table
 
 
 def run_baseline(
-    source: str | Path | Sequence = "synthetic",
+    source: Source = "synthetic",
     *,
     method: str = "spectral",
     similarity: str | None = None,
     ks: Iterable[int] | None = None,
     at_k_of: str | Path | None = None,
     config: Config | None = None,
-    descriptor: Descriptor | None = None,
+    cut: Cut | None = None,
+    skip_bad: bool = False,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -111,8 +122,10 @@ def run_baseline(
         A run folder whose number of nodes is a number of clusters too; alone, the only one.
     config
         Descriptor, imaging and seed; default `recommended`.
-    descriptor
-        A descriptor of one's own; default the one `config` names.
+    cut
+        Which frames of the source; None for all.
+    skip_bad
+        Leave out images that are not fit for use instead of refusing the sequence.
     out
         Folder to write; default ``runs/<sequence>-<descriptor>-<method>[-<n>]``.
     overwrite
@@ -131,11 +144,11 @@ def run_baseline(
     """
     config = config or resolve()
     order = _order(method, similarity, ks, at_k_of)
-    with _opened(source, config, descriptor) as material:
+    with opened(source, config, cut, skip_bad=skip_bad) as material:
         order = _within(order, len(material.frames), material.source, asked=ks is not None or at_k_of is not None)
         images = _undescribed(material)
         order.method.check(images)
-        folder = out or free_folder(RUNS, f"{material.name}-{material.descriptor}-{method}")
+        folder = out or free_folder(RUNS, f"{material.name}-{material.descriptor.name}-{method}")
         about = _manifest(material, config, order, at_k_of)
         with ResultFolder(folder, KIND, about, files=[TABLE], overwrite=overwrite) as held:
             return _run(material, images, config, order, held, progress)
@@ -154,17 +167,6 @@ def check_options(
         If `at_k_of` is no complete run.
     """
     _order(method, similarity, ks, at_k_of)
-
-
-@contextmanager
-def _opened(source: str | Path | Sequence, config: Config, descriptor: Descriptor | None) -> Iterator[Material]:
-    """Give the material of a source, with the descriptor cache open while it is described."""
-    if isinstance(source, str | Path) and str(source).endswith(".npz"):
-        yield archive_material(Path(source))
-        return
-    sequence = source if isinstance(source, Sequence) else load(source)
-    with DescriptorCache() as cache:
-        yield image_material(sequence, config, descriptor or config.make_descriptor(), cache)
 
 
 def _order(method: str, similarity: str | None, ks: Iterable[int] | None, at_k_of: str | Path | None) -> _Order:
@@ -199,6 +201,8 @@ def _within(order: _Order, images: int, source: str, *, asked: bool) -> _Order:
     """Check the numbers of clusters against the number of images; what nobody asked for is dropped."""
     if order.similarity is not None and images < 2:
         raise ConfigError(f"{source}: a similarity needs at least 2 images, there is {images}")
+    if order.similarity is not None and (fault := too_many(images)):
+        raise ConfigError(f"{source}: {fault}")
     ks = tuple(k for k in order.ks if k <= images)
     if order.method.takes_k and (not ks or (asked and ks != order.ks)):
         raise ConfigError(f"{source}: {order.ks[-1]} clusters need as many images, there are {images}")
@@ -213,7 +217,7 @@ def _run(
     folder: ResultFolder,
     progress: Progress | None,
 ) -> BaselineRun:
-    seed = config.mapper.seed
+    seed = config.seed
     descriptors, digests = _describe(material, progress)
     images = replace(undescribed, descriptors=descriptors)
     started = time.perf_counter()
@@ -229,7 +233,7 @@ def _run(
         evaluation = evaluate(labels, None, images.positions, rooms=images.rooms, seed=seed, unposed=material.unposed)
         for name, reason in evaluation.reasons.items():
             reasons.setdefault(name, {})[reason] = None
-        made = {"dataset": material.name, "descriptor": material.descriptor, "method": order.name}
+        made = {"dataset": material.name, "descriptor": material.descriptor.name, "method": order.name}
         row = made | {"similarity": order.similarity, "k": k or None} | evaluation.metrics | {"seconds": seconds}
         table = pl.concat([table, pl.DataFrame([row], schema=PARTITIONS)])
         write_table(table, folder.path / TABLE)
@@ -269,12 +273,10 @@ def _manifest(material: Material, config: Config, order: _Order, at_k_of: str | 
     """Return what ``run.json`` says when the baseline begins."""
     extra = order.method.extra
     return {
-        "source": material.source,
         **material.about,
-        "frames": len(material.frames),
-        "descriptor": material.descriptor,
         "baseline": _described(order) | {"at_k_of": None if at_k_of is None else str(at_k_of)},
-        "configuration": config.model_dump(mode="json"),
+        "imaging": config.imaging.model_dump(mode="json"),
+        "seed": config.seed,
         "versions": versions() | ({extra: version(extra)} if extra else {}),
         "code": code_digest(),
     }

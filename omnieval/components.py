@@ -205,7 +205,7 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
         return chosen
     if not isinstance(chosen, str) and not inspect.isclass(chosen):
         return _of_object(kind, chosen)
-    spec = chosen if isinstance(chosen, str) else _spec_of(chosen)
+    spec = canonical_spec(chosen) if isinstance(chosen, str) else _spec_of(chosen)
     cls = find_class(kind, chosen) if isinstance(chosen, str) else chosen
     _check(kind, cls, str(chosen))
     model = settings_model(cls)
@@ -217,6 +217,12 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
     if isinstance(chosen, str) or spec is not None:
         return Component(kind, component.name, spec, component.settings, component.code, component.weights)
     return component
+
+
+def canonical_spec(spec: str) -> str:
+    """Return what names a class so that it means the same from every folder: with the whole path of a file."""
+    where, colon, name = spec.rpartition(":")
+    return f"{Path(where).expanduser().resolve()}:{name}" if colon and where.endswith(".py") else spec
 
 
 def find_class(kind: Kind, spec: str) -> Any:

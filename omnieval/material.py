@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.components import BUILT_IN, Component
+from omnieval.components import Component
 from omnieval.config import Config
 from omnieval.datasets import load
 from omnieval.datasets.scan import FARTHEST_M
@@ -155,8 +155,7 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
     """
     cut = cut or Cut()
     if (file := archive_file(source)) is not None:
-        if config.descriptor.spec != next(iter(BUILT_IN["descriptor"])):
-            raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
+        refuse_descriptor(source, config)
         yield _of_archive(file, cut)
         return
     sequence = (source if isinstance(source, Sequence) else load(source)).cut(**dataclasses.asdict(cut))
@@ -215,6 +214,18 @@ def archive_file(source: Source) -> Path | None:
     if text.startswith(ARCHIVE_SCHEME):
         return Path(text.removeprefix(ARCHIVE_SCHEME)).expanduser()
     return Path(text).expanduser() if text.endswith(".npz") else None
+
+
+def refuse_descriptor(source: Source, config: Config) -> None:
+    """Refuse a descriptor that was chosen for an archive.
+
+    Raises
+    ------
+    ConfigError
+        If one was.
+    """
+    if not config.descriptor.is_default:
+        raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
 
 
 def why_unposed(frames: Iterable[Frame]) -> str | None:

@@ -1,4 +1,4 @@
-"""How names from disk and from the command line are put into words, and into file names."""
+"""How names from disk and from the command line, and numbers, are put into words; and names into file names."""
 
 from __future__ import annotations
 
@@ -6,26 +6,10 @@ import difflib
 import re
 import unicodedata
 from collections.abc import Iterable
+from typing import Any
 
 _LONGEST_NAME = 100
 _LEFT_OUT = "..."
-
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "–": "--",
-    "−": "$-$",
-    "Ω": r"$\Omega$",
-    "γ": r"$\gamma$",
-}
 
 
 def shown(text: str) -> str:
@@ -75,12 +59,59 @@ def safe_name(text: str) -> str:
     return name or "sequence"
 
 
-def latex_text(text: str) -> str:
-    r"""Return text with everything escaped that LaTeX would take for a command.
+def sentences(parts: Iterable[str]) -> str:
+    """Join the sentences that are there.
 
     Examples
     --------
-    >>> latex_text("50 % of n_new & more")
-    '50 \\% of n\\_new \\& more'
+    >>> sentences(["One.", "", "Two."])
+    'One. Two.'
     """
-    return "".join(_LATEX.get(character, character) for character in " ".join(text.split()))
+    return " ".join(filter(None, parts))
+
+
+def value_text(value: Any) -> str:
+    """Return a value of a parameter or table as one writes it.
+
+    Examples
+    --------
+    >>> value_text(1.70), value_text(20), value_text(None)
+    ('1.7', '20', '–')
+    """
+    if value is None:
+        return "–"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number and its noun.
+
+    Examples
+    --------
+    >>> counted(1, "node"), counted(3, "node")
+    ('1 node', '3 nodes')
+    """
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def ordinal(number: int) -> str:
+    """Return a number as an ordinal.
+
+    Examples
+    --------
+    >>> [ordinal(number) for number in (2, 3, 4, 11, 21, 113)]
+    ['2nd', '3rd', '4th', '11th', '21st', '113th']
+    """
+    ending = "th" if number % 100 in {11, 12, 13} else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{ending}"
+
+
+def decimals(value: float, places: int = 3) -> str:
+    """Return a number with so many decimals and a true minus sign.
+
+    Examples
+    --------
+    >>> decimals(-0.0723), decimals(1.25, 1)
+    ('−0.072', '1.2')
+    """
+    return f"{value:.{places}f}".replace("-", "−")

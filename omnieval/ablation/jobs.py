@@ -149,7 +149,7 @@ def describe(material: Material, folder: Path) -> Described:
 
 def failed_row(job: Job, error: BaseException) -> dict[str, Any]:
     """Return the row of a job that ended in an error."""
-    return job.origin | {"error": " ".join(f"{type(error).__name__}: {error}".split())}
+    return job.origin | {"seconds": None, "error": " ".join(f"{type(error).__name__}: {error}".split())}
 
 
 def batch_silhouettes(described: Described, ks: list[int], seed: int) -> dict[int, float | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -9,7 +10,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, TypedDict, Unpack
+from typing import Any, ClassVar
 
 import polars as pl
 
@@ -25,15 +26,13 @@ from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.soundness import refuse_bad
 from omnieval.loop import replay
-from omnieval.material import image_material
-from omnieval.recording import RecordingOptions
+from omnieval.material import Cut, Source, opened
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder, hold_folder, reason_of
 from omnieval.results.provenance import code_digest, versions
 from omnieval.results.run_folder import free_folder
 
 Progress = Callable[[int, int], None]
-Source = str | Path | ImageSequence
 RUNS = Path("runs")
 
 
@@ -48,7 +47,7 @@ class JobFailedError(OmnievalError):
 
 @dataclass(frozen=True)
 class Ablation:
-    """An ablation folder and its table (`schemas.ABLATION`).
+    """An ablation folder and its table (`schemas.ablation_schema`).
 
     `lacking` says why rows have no ``batch_silhouette`` that could have one.
     """
@@ -63,47 +62,50 @@ class Ablation:
         return self.table["error"].count()
 
 
-class Options(TypedDict, total=False):
-    """How an ablation is run; `run_plan` describes each."""
-
-    jobs: int
-    out: str | Path | None
-    resume: bool
-    overwrite: bool
-    csv: bool
-    keep_steps: bool
-    record_best: bool
-    fail_fast: bool
-    progress: Progress | None
-
-
 def ablate(
     sources: Source | Iterable[Source] = "synthetic",
     vary: Mapping[str, Any] | None = None,
     *,
+    mapper: Any = None,
+    descriptor: Any = None,
     settings: Mapping[str, Any] | None = None,
     exact: str | None = None,
     preset: str | None = None,
+    start: int = 0,
+    stride: int = 1,
+    limit: int | None = None,
     skip_bad: bool = False,
-    **options: Unpack[Options],
+    jobs: int = 1,
+    out: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    csv: bool = False,
+    keep_steps: bool = False,
+    record_best: bool = False,
+    fail_fast: bool = False,
+    progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Replay sequences at every point of a grid of parameters and return one row a run (`schemas.ABLATION`).
+    """Replay sequences at every point of a grid and return one row a run (`schemas.ablation_schema`).
 
     Parameters
     ----------
     sources
         One or several sources as on the command line, or sequences.
     vary
-        Values by parameter: a list, or text such as ``"1.7:2.3:0.15"`` or ``"hog,gist"``.
+        Values by parameter: a list, or text such as ``"1.7:2.3:0.15"``.
+    mapper, descriptor
+        One component or several: text such as ``"roman2020,leader"``, a class, an object, or a list of these.
     settings
         Parameters that are the same in all runs.
     exact
         An interval of a parameter, such as ``"merge_y=0.5:3"``: one row for every piece on which the map is the same.
     preset
-        Named parameters, ``recommended`` or ``paper-literal``.
+        Named parameters of the mapper.
+    start, stride, limit
+        Which frames of each source.
     skip_bad
         Leave out images that are not fit for use instead of refusing the sequence.
-    **options
+    jobs, out, resume, overwrite, csv, keep_steps, record_best, fail_fast, progress
         See `run_plan`.
 
     Examples
@@ -111,10 +113,31 @@ def ablate(
     >>> omnieval.ablate("synthetic", {"omega": [1.7, 2.3], "n_new": "20:40:10"}, jobs=2)  # doctest: +SKIP
     """
     several = [sources] if isinstance(sources, str | Path | ImageSequence) else list(sources)
-    axes = [make_axis(name, values, "vary") for name, values in (vary or {}).items()]
+    chosen = {"mapper": mapper, "descriptor": descriptor}
+    axes = [make_axis(name, value, name) for name, value in chosen.items() if value is not None]
+    axes += [make_axis(name, values, "vary") for name, values in (vary or {}).items()]
     fixed = [Setting(name, value, "settings") for name, value in (settings or {}).items()]
-    span = parse_span(exact) if exact else None
-    return run_plan(make_plan(several, axes, fixed, exact=span, preset=preset, skip_bad=skip_bad), **options).table
+    plan = make_plan(
+        several,
+        axes,
+        fixed,
+        exact=parse_span(exact) if exact else None,
+        preset=preset,
+        cut=Cut(start, stride, limit),
+        skip_bad=skip_bad,
+    )
+    return run_plan(
+        plan,
+        jobs=jobs,
+        out=out,
+        resume=resume,
+        overwrite=overwrite,
+        csv=csv,
+        keep_steps=keep_steps,
+        record_best=record_best,
+        fail_fast=fail_fast,
+        progress=progress,
+    ).table
 
 
 def run_plan(
@@ -169,8 +192,9 @@ def run_plan(
     """
     check_options(plan.exact, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or record_best)
     with DescriptorCache() as cache:
-        for sequence in {job.sequence.source: job.sequence for job in plan.jobs}.values():
-            refuse_bad(sequence, cache)
+        for given in {job.input.source: job.input.given for job in plan.jobs}.values():
+            if isinstance(given, ImageSequence):
+                refuse_bad(given, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
     work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
     resume = resume and store.exists()
@@ -228,10 +252,11 @@ def fingerprints(described: Mapping[str, Described]) -> dict[str, dict[str, str]
 
 def dataset_key(job: Job) -> str:
     """Return what the descriptions of a job's images depend on, as text; equal keys share them."""
-    config = job.config
-    settings = getattr(config, config.descriptor).model_dump(mode="json")
-    imaging = config.imaging.model_dump(mode="json")
-    about = {"source": job.sequence.source, "descriptor": config.descriptor, "settings": settings, "imaging": imaging}
+    about = {
+        "source": job.input.source,
+        "descriptor": job.config.descriptor.identity,
+        "imaging": job.config.imaging.model_dump(mode="json"),
+    }
     return json.dumps(about, sort_keys=True)
 
 
@@ -254,17 +279,16 @@ class _Work:
     def describe(self) -> dict[str, Described]:
         """Describe every sequence once for each way to describe it that the grid has."""
         needed = {dataset_key(job): job for job in self.plan.jobs}
-        frames = sum(len(job.sequence) for job in needed.values())
+        frames = sum(job.input.images for job in needed.values())
         described: dict[str, Described] = {}
         done = 0
-        with DescriptorCache() as cache:
-            for number, (key, job) in enumerate(needed.items()):
-                folder = self.store.descriptors(number)
-                material = image_material(job.sequence, job.config, job.config.make_descriptor(), cache)
+        for number, (key, job) in enumerate(needed.items()):
+            folder = self.store.descriptors(number)
+            with opened(job.input.given, job.config, job.input.rest) as material:
                 described[key] = describe(material, folder)
-                done += len(job.sequence)
-                if self.progress:
-                    self.progress(done, frames)
+            done += job.input.images
+            if self.progress:
+                self.progress(done, frames)
         return described
 
     def run(self, pool: Executor, described: Mapping[str, Described]) -> None:
@@ -281,7 +305,7 @@ class _Work:
                 self.store.add(job.number, rows)
                 error = rows[0].get("error")
                 if error and self.fail_fast:
-                    message = f"job {job.number} of {job.sequence.name} failed: {error}; run it again with --resume"
+                    message = f"job {job.number} of {job.input.name} failed: {error}; run it again with --resume"
                     raise JobFailedError(message)
                 ended += 1
                 if self.progress:
@@ -294,7 +318,7 @@ class _Work:
 
         It compares all images with each other, which may need more memory than there is.
         """
-        of_job = {job.number: (dataset_key(job), job.config.mapper.seed) for job in self.plan.jobs}
+        of_job = {job.number: (dataset_key(job), job.config.seed) for job in self.plan.jobs}
         shared: dict[tuple[str, int], set[int]] = {}
         for row in rows:
             if row.get("nodes"):
@@ -305,9 +329,10 @@ class _Work:
         }
         errors = {key: error for key, future in futures.items() if (error := future.exception())}
         batch = {key: future.result() for key, future in futures.items() if key not in errors}
-        table = rows_table(
+        beside = [
             {**row, "batch_silhouette": batch.get(of_job[row["job"]], {}).get(row.get("nodes") or 0)} for row in rows
-        )
+        ]
+        table = rows_table(beside, self.plan.grid["types"])
         return table, "; ".join(dict.fromkeys(_why(error) for error in errors.values())) or None
 
     def _steps_files(self, tree: Sequence[Job]) -> dict[int, Path]:
@@ -352,14 +377,17 @@ def _finish(
     with workers(work.processes) as pool:
         work.run(pool, described)
         rows = work.store.rows()
-        work.store.write(rows_table(rows), csv=csv)  # what else befalls us, the sweep has its table
+        work.store.write(
+            rows_table(rows, work.plan.grid["types"]), csv=csv
+        )  # what else befalls us, the sweep has its table
         table, lacking = work.with_batch(pool, described, rows)
     work.store.write(table, csv=csv)
     ablation = Ablation(work.store.folder, table, lacking)
     if record_best and (best := best_run(table)) is not None:
         job = work.plan.jobs[best]
         out = ablation.folder / BEST
-        replay(job.sequence, config=job.config, out=out, overwrite=True, recording=RecordingOptions())
+        cut = dataclasses.asdict(job.input.rest)
+        replay(job.input.given, config=job.config, **cut, out=out, overwrite=True, recording=True)
     folder.complete(
         {
             "jobs": len(table),

@@ -26,12 +26,14 @@ from omnieval.results.folder import ResultFolder, report_inside, results_inside
 from omnieval.results.manifest import MANIFEST, expanded, read_manifest
 from omnieval.results.run_folder import FILES
 from omnieval.results.run_folder import KIND as RUN
-from omnieval.results.schemas import ABLATION
+from omnieval.results.schemas import ablation_schema
 
 KIND = "ablation"
 TABLE = "ablation.parquet"
 CSV = "ablation.csv"
 _PARTS = "parts"
+_ALWAYS = {"job", "dataset", "source", "mapper", "descriptor", "seconds", "error"}
+"""Columns that every row has, whatever came of it."""
 _STEPS = "steps"
 _DESCRIPTORS = "descriptors"
 BEST = "best"
@@ -131,9 +133,13 @@ class Store:
 
 
 def rows_table(rows: Iterable[Mapping[str, Any]], types: Mapping[str, str]) -> pl.DataFrame:
-    """Return rows as a table (`schemas.ABLATION`) in the order of the grid; what a row lacks is null."""
-    whole = [dict.fromkeys(ABLATION) | dict(row) for row in rows]
-    return pl.DataFrame(whole, schema=ABLATION).sort("job", "exact_from")
+    """Return rows as a table in the order of the grid; what a row lacks is null.
+
+    `types` are those of the parameters, in words (`schemas.ablation_schema`).
+    """
+    schema = ablation_schema(types)
+    whole = [dict.fromkeys(schema) | dict(row) for row in rows]
+    return pl.DataFrame(whole, schema=schema).sort("job", "exact_from")
 
 
 def _read(path: Path) -> list[dict[str, Any]] | None:
@@ -144,7 +150,7 @@ def _read(path: Path) -> list[dict[str, Any]] | None:
     if not isinstance(part, dict) or path.stem != str(part.get("job")).zfill(5):
         return None
     rows = part.get("rows")
-    if not isinstance(rows, list) or not all(isinstance(row, dict) and row.keys() <= set(ABLATION) for row in rows):
+    if not isinstance(rows, list) or not all(isinstance(row, dict) and row.keys() >= _ALWAYS for row in rows):
         return None
     return rows
 

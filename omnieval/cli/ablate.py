@@ -11,9 +11,10 @@ import typer
 from omnieval.cli import options
 
 if TYPE_CHECKING:
-    from omnieval.ablation.grid import Span
+    from omnieval.ablation.grid import Axis, Span
     from omnieval.ablation.plan import Plan
     from omnieval.ablation.run import Ablation
+    from omnieval.material import Cut
 
 SOME_FAILED = 5
 
@@ -38,21 +39,24 @@ def ablate(
         str | None,
         typer.Option(
             "--exact",
-            help="All values of omega, merge_y or gamma in an interval, e.g. merge_y=0.5:3: one row for every piece on "
-            "which the map is the same.",
+            help="All values of a threshold of the mapper in an interval, e.g. merge_y=0.5:3: one row for every piece "
+            "on which the map is the same.",
             metavar="NAME=FIRST:LAST",
         ),
     ] = None,
+    mapper: Annotated[
+        str | None, typer.Option("--mapper", help="Mapper, or several: roman2020,leader.", metavar="NAMES")
+    ] = None,
     descriptor: Annotated[
-        str | None, typer.Option("--descriptor", help="Descriptor, or several: hog,gist.", metavar="NAMES")
+        str | None, typer.Option("--descriptor", help="Descriptor, or several: hog,mine.py:Mine.", metavar="NAMES")
     ] = None,
     set_: options.Set = None,
     config: options.ConfigFile = None,
     preset: Annotated[
         list[str] | None,
         typer.Option(
-            help="Axes of an experiment of the paper (figures-9-10, table-2, table-3), named parameters (recommended, "
-            "paper-literal), or one of each.",
+            help="Axes of an experiment of the paper (figures-9-10, table-2, table-3), named parameters of the mapper "
+            "(recommended, paper-literal), or one of each.",
             metavar="NAME",
         ),
     ] = None,
@@ -81,8 +85,8 @@ def ablate(
 ) -> None:
     """Replay sequences at every point of a grid of parameters: one row a run.
 
-    Writes ablation.parquet and prints the best and the median of each sequence and descriptor. Exits with 5 if a
-    job failed; its row says why.
+    Writes ablation.parquet and prints the best and the median of each sequence, mapper and descriptor. Exits with 5 if
+    a job failed; its row says why.
 
     Examples:
 
@@ -91,6 +95,8 @@ def ablate(
       omnieval ablate synthetic synthetic:night --vary n_new=10:50:10 --jobs 2
 
       omnieval ablate synthetic --exact merge_y=0.5:3
+
+      omnieval ablate synthetic:night --mapper roman2020,leader --descriptor hog,gist
 
       omnieval ablate --preset figures-9-10 --out runs/figures --resume
     """
@@ -103,7 +109,9 @@ def ablate(
         raise ConfigError(f"--rrd {rrd!r}: only best can be recorded")
     span = parse_span(exact) if exact else None
     check_options(span, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
-    plan = _plan(sources, vary, axes, span, descriptor, set_, config, preset, start, stride, limit, skip_bad)
+    chosen = {"mapper": mapper, "descriptor": descriptor}
+    cut = options.cut(start, stride, limit)
+    plan = _plan(sources, vary, axes, span, chosen, set_, config, preset, cut, skip_bad)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)
         return
@@ -130,13 +138,11 @@ def _plan(
     vary: Sequence[str] | None,
     files: Sequence[Path] | None,
     exact: Span | None,
-    descriptor: str | None,
+    chosen: dict[str, str | None],
     set_: Sequence[str] | None,
     configs: Sequence[Path] | None,
     presets: Sequence[str] | None,
-    start: int,
-    stride: int,
-    limit: int | None,
+    cut: Cut,
     skip_bad: bool,
 ) -> Plan:
     """Return the plan the options ask for."""
@@ -144,10 +150,10 @@ def _plan(
     from omnieval.ablation.plan import make_plan
     from omnieval.config import parse_assignment, read_settings
 
-    axes = [] if descriptor is None else [make_axis("descriptor", descriptor, f"--descriptor {descriptor}")]
+    axes = [make_axis(kind, names, f"--{kind} {names}") for kind, names in chosen.items() if names is not None]
     axes += [axis for file in files or () for axis in read_axes(file)]
     axes += [parse_axis(text) for text in vary or ()]
-    experiment, named = _presets(presets or ())
+    experiment, named = _presets(presets or (), axes)
     if experiment is not None:
         axes = preset_axes(axes, EXPERIMENTS[experiment], experiment)
     settings = [setting for file in configs or () for setting in read_settings(file)]
@@ -158,25 +164,25 @@ def _plan(
         settings,
         exact=exact,
         preset=named,
-        start=start,
-        stride=stride,
-        limit=limit,
+        cut=cut,
         skip_bad=skip_bad,
     )
 
 
-def _presets(names: Sequence[str]) -> tuple[str | None, str | None]:
+def _presets(names: Sequence[str], axes: Sequence[Axis]) -> tuple[str | None, str | None]:
     """Return the experiment and the named parameters among the presets."""
     from omnieval.ablation.grid import EXPERIMENTS
+    from omnieval.config import presets
     from omnieval.errors import ConfigError
-    from omnieval.mapping.config import PRESETS
     from omnieval.wording import did_you_mean
 
+    mappers = next((axis.values for axis in axes if axis.name == "mapper"), (None,))
+    known = {name for mapper in mappers for name in presets(mapper)}
     for name in names:
-        if name not in EXPERIMENTS and name not in PRESETS:
-            raise ConfigError(f"unknown preset {name!r}; {did_you_mean(name, [*EXPERIMENTS, *PRESETS])}")
+        if name not in EXPERIMENTS and name not in known:
+            raise ConfigError(f"unknown preset {name!r}; {did_you_mean(name, [*EXPERIMENTS, *sorted(known)])}")
     experiments = [name for name in names if name in EXPERIMENTS]
-    parameters = [name for name in names if name in PRESETS]
+    parameters = [name for name in names if name in known]
     if len(experiments) > 1 or len(parameters) > 1:
         raise ConfigError(f"--preset {', '.join(names)}: take at most one experiment and one set of parameters")
     return next(iter(experiments), None), next(iter(parameters), None)
@@ -191,7 +197,7 @@ def _print_jobs(plan: Plan, out: Path | None, *, keep_steps: bool, json: bool) -
     rows = [
         {
             "job": job.number,
-            "source": job.sequence.source,
+            "source": job.input.source,
             **{name: value_of(job.config, name) for name in plan.varied},
             "state": state,
         }

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from omnieval.cli import options
-
-if TYPE_CHECKING:
-    import polars as pl
-
-    from omnieval.datasets.sequence import Sequence
 
 _SHOWN = ("k", "nodes", "silhouette", "silhouette_time_slices", "silhouette_positions", "rooms_ari", "rooms_nmi")
 _SHOWN_LAST = ("rooms_purity", "share_unassigned", "seconds")
@@ -21,7 +15,7 @@ _SHOWN_LAST = ("rooms_purity", "share_unassigned", "seconds")
 
 def baseline(
     source: Annotated[
-        str, typer.Argument(help="Sequence as for replay, or an archive of descriptors (FILE.npz).", metavar="SOURCE")
+        str, typer.Argument(help="Sequence or archive of descriptors, as for replay.", metavar="SOURCE")
     ] = "synthetic",
     method: Annotated[
         str,
@@ -44,6 +38,7 @@ def baseline(
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
+    skip_bad: options.SkipBad = False,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder to write; default runs/<sequence>-<descriptor>-<method>[-<n>].", metavar="DIR"),
@@ -69,19 +64,21 @@ def baseline(
     """
     from omnieval.benchmark import check_options, run_baseline
     from omnieval.cli.console import print_json, progress
+    from omnieval.text_table import aligned, cell_text
 
-    resolved = options.configuration(set_, config, None, descriptor)
+    resolved = options.configuration(set_, config, None, None, descriptor)
     ks = None if k is None else parse_ks(k)
     check_options(method=method, similarity=similarity, ks=ks, at_k_of=at_k_of)
-    material = _material(source, descriptor, start, stride, limit)
     with progress(method) as report:
         run = run_baseline(
-            material,
+            source,
             method=method,
             similarity=similarity,
             ks=ks,
             at_k_of=at_k_of,
             config=resolved,
+            cut=options.cut(start, stride, limit),
+            skip_bad=skip_bad,
             out=out,
             overwrite=overwrite,
             progress=report,
@@ -90,8 +87,9 @@ def baseline(
         print_json({"run": str(run.folder), **run.manifest, "rows": run.table.to_dicts()})
         return
     print(run.folder)
-    for line in _aligned(run.table):
-        print(line)
+    shown = run.table.select(*_SHOWN, *_SHOWN_LAST)
+    rows = [shown.columns, *(list(map(cell_text, row)) for row in shown.iter_rows())]
+    print("\n".join(aligned(rows, "r" * len(shown.columns))))
     for name, reason in run.manifest["null_reasons"].items():
         if name in _SHOWN:
             print(f"{name}: {reason}")
@@ -115,28 +113,3 @@ def parse_ks(text: str) -> list[int]:
     if not ks:
         raise ConfigError(f"--k {text!r}: expected numbers of clusters such as 2:40, 5,9,20 or 7")
     return ks
-
-
-def _material(source: str, descriptor: str | None, start: int, stride: int, limit: int | None) -> str | Sequence:
-    from omnieval.errors import ConfigError
-
-    if not source.endswith(".npz"):
-        return options.sequence(source, start, stride, limit)
-    if descriptor is not None or (start, stride, limit) != (0, 1, None):
-        raise ConfigError(f"{source} is taken as it is; leave --descriptor, --start, --stride and --limit out")
-    return source
-
-
-def _aligned(table: pl.DataFrame) -> Iterator[str]:
-    """Yield the table's lines for people: a header and one line a row, columns right-aligned."""
-    columns = [*_SHOWN, *_SHOWN_LAST]
-    rows = [columns, *([_cell(value) for value in row] for row in table.select(columns).iter_rows())]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(columns))]
-    for row in rows:
-        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True))
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from omnieval.cli import options
-from omnieval.wording import latex_text
 
 if TYPE_CHECKING:
     import polars as pl
@@ -55,6 +54,7 @@ def compare(
     from omnieval.cli.console import print_json, print_table
     from omnieval.results.compare import compare as table_of
     from omnieval.results.run_folder import open_run
+    from omnieval.text_table import latex
 
     chosen = [name.strip() for name in columns.split(",") if name.strip()] if columns is not None else None
     table = table_of([open_run(run) for run in _replays(runs)], chosen)
@@ -65,7 +65,7 @@ def compare(
     elif format_ is TableFormat.CSV:
         print(table.write_csv(), end="")
     else:
-        lines = _latex(table) if format_ is TableFormat.LATEX else _columns(table)
+        lines = latex(table.columns, table.rows()) if format_ is TableFormat.LATEX else _columns(table)
         print("\n".join(lines))
 
 
@@ -101,37 +101,11 @@ def _columns(table: pl.DataFrame) -> Iterator[str]:
 
     Text that all runs share is said once and makes no column wider.
     """
-    rows = {name: [_cell(value) for value in table[name]] for name in table.columns}
-    shared = {
-        name for name in rows if name != "run" and table[name].dtype == table["run"].dtype and len(set(rows[name])) == 1
-    }
-    apart = [cells for name, cells in rows.items() if name not in shared]
-    widths = [max(len(cells[number]) for cells in apart) for number in range(len(table))]
-    name_width = max(map(len, rows))
-    for name, cells in rows.items():
-        aligned = (f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
-        yield f"{name:<{name_width}}  {cells[0] if name in shared else '  '.join(aligned)}"
+    from omnieval.text_table import aligned, cell_text
 
-
-def _latex(table: pl.DataFrame) -> Iterator[str]:
-    """Yield the lines of a LaTeX table (booktabs) that has a row a run."""
-    signs = "".join("r" if dtype.is_numeric() else "l" for dtype in table.dtypes)
-    yield rf"\begin{{tabular}}{{{signs}}}"
-    yield r"\toprule"
-    yield _latex_row(table.columns)
-    yield r"\midrule"
-    for row in table.iter_rows():
-        yield _latex_row([_cell(value) for value in row])
-    yield r"\bottomrule"
-    yield r"\end{tabular}"
-
-
-def _latex_row(cells: list[str]) -> str:
-    # A minus sign is longer than a hyphen; folders and names keep theirs.
-    minus = [f"${cell}$" if cell[:1] == "-" and cell[1:2].isdigit() else latex_text(cell) for cell in cells]
-    return " & ".join(minus) + r" \\"
-
-
-def _cell(value: str | float | int | None) -> str:
-    """Write a value: fractions with four decimals, nothing as a dash."""
-    return "-" if value is None else f"{value:.4f}" if isinstance(value, float) else str(value)
+    text = table["run"].dtype
+    shared = {one.name: one[0] for one in table.drop("run") if one.dtype == text and one.n_unique() == 1}
+    rows = [(name, *(() if name in shared else map(cell_text, table[name]))) for name in table.columns]
+    width = max(map(len, table.columns))
+    for name, line in zip(table.columns, aligned(rows, "l" + "r" * len(table)), strict=True):
+        yield f"{line:<{width}}  {cell_text(shared[name])}" if name in shared else line

@@ -35,27 +35,17 @@ def print_json(content: dict[str, Any]) -> None:
 
 def print_fields(fields: Iterable[tuple[str, str]]) -> None:
     """Print names and values in two aligned columns."""
-    rows = list(fields)
-    width = max((len(name) for name, _ in rows), default=0)
-    for name, value in rows:
-        print(f"  {name:<{width}}  {value}")
+    from omnieval.text_table import aligned
+
+    for line in aligned(fields, "ll"):
+        print(f"  {line}")
 
 
 def print_table(table: pl.DataFrame) -> None:
     """Print a table whole, in Markdown, numbers with four decimals."""
-    import polars as pl
+    from omnieval.text_table import markdown
 
-    with pl.Config(
-        tbl_formatting="ASCII_MARKDOWN",
-        tbl_hide_column_data_types=True,
-        tbl_hide_dataframe_shape=True,
-        tbl_rows=-1,
-        tbl_cols=-1,
-        tbl_width_chars=10_000,
-        fmt_str_lengths=1_000,
-        float_precision=4,
-    ):
-        print(table)
+    print(markdown(table.columns, table.rows()))
 
 
 def note(message: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -121,10 +120,12 @@ def _agreement_fields(agreed: Agreement | None) -> Iterator[tuple[str, str]]:
 
 
 def _content(runs: tuple[Run, Run], found: Difference | None, agreed: Agreement | None) -> dict[str, Any]:
+    from omnieval.json_records import jsonable
+
     hashes = [run.content_hash for run in runs]
     content: dict[str, Any] = {"schema_version": 1, "equal": hashes[0] == hashes[1], "content_hashes": hashes}
     if found is not None:
-        content["difference"] = _plain(dataclasses.asdict(found))
+        content["difference"] = jsonable(found)
     if agreed is not None:
         content["agreement"] = {
             "steps": len(agreed.verdicts),
@@ -145,12 +146,3 @@ def _short(value: Any) -> str:
         items = [_short(item) for item in value[:_LONGEST_LIST]]
         return f"[{', '.join(items)}{f', ... {len(value)} in all' if len(value) > _LONGEST_LIST else ''}]"
     return str(value)
-
-
-def _plain(content: Any) -> Any:
-    """Return content with everything that JSON does not know as text."""
-    if isinstance(content, dict):
-        return {name: _plain(value) for name, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_plain(value) for value in content]
-    return content if isinstance(content, str | int | float | bool | None) else str(content)

@@ -61,13 +61,17 @@ def explain(
 
 def _print_step(run: Run, step: str, *, json: bool) -> None:
     from omnieval.cli.console import print_fields, print_json
-    from omnieval.explain.run import RunExplainer, explanation_lines, plain
+    from omnieval.explain.run import RunExplainer, explanation_lines
+    from omnieval.json_records import jsonable
 
     explainer = RunExplainer(run)
     frame = explainer.find(step)
     explanation = explainer.explain(frame)
     if json:
-        print_json({"schema_version": 1, "run": str(run.folder), "step": frame, **plain(explanation)})
+        scene = explanation.scene
+        derived = {"outcome": scene.outcome, "margin": scene.step.margin, "metres": scene.metres}
+        content = {"schema_version": 1, "run": str(run.folder), "frame": frame, **jsonable(explanation)}
+        print_json(content | jsonable(derived))
         return
     print(f"step {frame} of {run.folder} (0 to {len(explainer) - 1})")
     print_fields(explanation_lines(explanation, explainer.method))

@@ -2,8 +2,8 @@
 
 One SQLite file. A description is found by the digest of the image's bytes and of all else that determines it, code
 included; the digest of a file that the file system calls unchanged (`file_state`) is not computed again. Every row
-carries a checksum, so that a damaged one is computed again and never used. The cache is a convenience: when it cannot be read or written,
-work goes on without it and `DescriptorCache.note` says why.
+carries a checksum, so that a damaged one is computed again and never used. The cache is a convenience: when it cannot
+be read or written, work goes on without it and `DescriptorCache.note` says why.
 """
 
 from __future__ import annotations

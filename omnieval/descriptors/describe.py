@@ -11,6 +11,7 @@ from omnieval.components import Component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import Description, Descriptor
+from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
 
@@ -49,6 +50,7 @@ class Describer:
         self._camera = camera
         self._descriptor: Descriptor = descriptor.make()
         self._cache = cache
+        self._name = descriptor.name
         self._key = description_key(camera.settings, descriptor.identity)
 
     def describe_frames(self, frames: Iterable[Frame]) -> Generator[DescribedFrame, None, None]:
@@ -78,7 +80,14 @@ class Describer:
         data = frame.read()
         where = str(frame.path)
         panorama = self._camera.panorama(decode_grey(data, where), where=where)
-        return DescribedFrame(self._descriptor.describe(panorama), image_digest(data))
+        try:
+            description = self._descriptor.describe(panorama)
+        except OmnievalError:
+            raise
+        except Exception as error:  # whatever the code of others raises
+            fault = " ".join(f"{type(error).__name__}: {error}".split())
+            raise ConfigError(f"the descriptor {self._name} failed on image {where}: {fault}") from error
+        return DescribedFrame(description, image_digest(data))
 
     def _take(self, frame: Frame, described: Future[DescribedFrame] | DescribedFrame) -> DescribedFrame:
         """Return a description; a new one is also kept. Only the caller's thread uses the cache."""

@@ -9,7 +9,6 @@ from omnieval.explain.revisit import Revisit
 from omnieval.explain.scene import Scene, image_text
 from omnieval.explain.words import (
     comparison_text,
-    counted,
     decision_text,
     distinct,
     event_text,
@@ -18,6 +17,7 @@ from omnieval.explain.words import (
 )
 from omnieval.mapping.interface import Method
 from omnieval.mapping.step import Comparison, Placement
+from omnieval.wording import counted
 
 Line = tuple[str, str]
 

@@ -105,11 +105,6 @@ def frame_ranges(frames: tuple[int, ...]) -> str:
     return ", ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in runs)
 
 
-def counted(number: int, thing: str) -> str:
-    """Write a number of things, e.g. ``1 peak`` or ``2 peaks``."""
-    return f"1 {thing}" if number == 1 else f"{number} {thing}s"
-
-
 def distinct(value: float, threshold: float) -> str:
     """Write `value` with three digits, or more if it would else read like the threshold it differs from.
 

@@ -73,6 +73,9 @@ class Column(BaseModel):
         Empty for plain numbers.
     plotted
         Whether the viewer plots it over the run.
+    threshold_of
+        The gate whose threshold it is: taken from the first comparison at that gate, not measured. Mappers that share
+        a step in a sweep may have different ones.
     """
 
     model_config = _LOCKED
@@ -82,6 +85,7 @@ class Column(BaseModel):
     meaning: str
     unit: str = ""
     plotted: bool = False
+    threshold_of: str | None = None
 
 
 class Method(BaseModel):

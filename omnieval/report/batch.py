@@ -13,7 +13,7 @@ import polars as pl
 from omnieval.palette import BATCH, CONTROL, INK, OURS
 from omnieval.report.figure import Chart, Figure
 from omnieval.report.sources import Baseline, Replay
-from omnieval.report.wording import decimals, sentences
+from omnieval.wording import decimals, sentences
 
 KS = tuple(range(2, 41))
 """The paper's numbers of clusters."""

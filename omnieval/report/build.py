@@ -15,7 +15,7 @@ from omnieval.report.pieces import pieces_figures
 from omnieval.report.replays import DrawnReplay, attempted, draw_replay, drawn_or_skipped
 from omnieval.report.sources import Baseline, Replay, Sources, Sweep
 from omnieval.report.tables import batch_table, best_table, partitions_table, summary_table
-from omnieval.report.wording import value_text
+from omnieval.wording import value_text
 
 Progress = Callable[[int, int], None]
 

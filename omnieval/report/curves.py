@@ -16,7 +16,7 @@ from omnieval.palette import BATCH, INK, MUTED, OURS
 from omnieval.report.figure import Chart, Figure
 from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
-from omnieval.report.wording import counted, sentences
+from omnieval.wording import counted, sentences
 
 _WIDTH, _HEIGHT = 800, 120
 
@@ -49,7 +49,7 @@ def curves_figure(replay: Replay, step: Step, labels: NDArray[np.int64], *, chos
             [
                 f"How similar image {step.frame} is to each image of the map, in the order of nodes and then time; "
                 "vertical lines part the nodes, whose numbers stand above.",
-                f"Images of nodes that did not let it in ({_refused_words(curves, labels, borders)}) have similarity 0.",
+                f"Images of nodes that refused it ({_refused_words(curves, labels, borders)}) have similarity 0.",
                 f"The diamond is the best match, image {match.frame} of node {match.node}; dots are the "
                 f"{counted(peaks, 'peak')} of {names[-1]}.",
                 f"Decision: {decision_text(step, replay.method)}.",

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from decimal import Decimal
 
 import altair as alt
 import polars as pl
 
+from omnieval.text_table import Cell, sides
+
 Chart = alt.Chart | alt.LayerChart | alt.FacetChart | alt.HConcatChart | alt.VConcatChart | alt.ConcatChart
-Cell = str | int | float | Decimal | None
-"""A float is shown with four decimals, a decimal number as it is."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,16 @@ class Table:
     columns: tuple[str, ...]
     groups: tuple[tuple[str, tuple[tuple[Cell, ...], ...]], ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> list[tuple[Cell, ...]]:
+        """The rows of all groups."""
+        return [row for _, rows in self.groups for row in rows]
+
+    @property
+    def sides(self) -> str:
+        """``r`` for each column of numbers and ``l`` for each of text."""
+        return sides(len(self.columns), self.rows)
 
 
 Block = Figure | Skipped | Table

@@ -11,7 +11,7 @@ import polars as pl
 from omnieval.palette import BATCH, CIVIDIS, GRID, INK, OURS, VIRIDIS, ink_on, shade
 from omnieval.report.figure import Chart, Figure, Skipped
 from omnieval.report.sources import GROUP, Sweep
-from omnieval.report.wording import counted, decimals, sentences, value_text
+from omnieval.wording import counted, decimals, sentences, value_text
 
 PREFERRED = ("merge_y", "omega")
 """The paper's own axes, x and y, when both are varied."""

@@ -16,7 +16,7 @@ from omnieval.report.evidence import Moment, moments, positions_of
 from omnieval.report.figure import Chart, Figure, Skipped
 from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
-from omnieval.report.wording import counted, decimals, ordinal, sentences
+from omnieval.wording import counted, decimals, ordinal, sentences
 
 MOMENTS = 10
 _MOST_IMAGES = 240

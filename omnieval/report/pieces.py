@@ -12,7 +12,7 @@ import polars as pl
 from omnieval.palette import NODE_COLORS
 from omnieval.report.figure import Chart, Figure, Skipped
 from omnieval.report.sources import GROUP, Sweep
-from omnieval.report.wording import counted, decimals, sentences, value_text
+from omnieval.wording import counted, decimals, sentences, value_text
 
 _MEASURES = {"nodes": "number of nodes", "silhouette": "silhouette"}
 

@@ -69,7 +69,7 @@ def draw_replay(replay: Replay, baselines: Sequence[Baseline], *, step: int | No
 
 
 def attempted(make: Callable[[], T]) -> T | str:
-    """Return what is made, or the reason why it cannot be: numerical trouble and missing inputs are no surprise here."""
+    """Return what is made, or why it cannot be: numerical trouble and missing inputs are no surprise here."""
     try:
         return make()
     except OmnievalError as error:
@@ -100,9 +100,7 @@ def _curves(
     if beside is not None and SPECTRAL in beside.table["method"].to_list():
         return beside
     if isinstance(descriptors, str):
-        raise ResultError(
-            f"its images cannot be described again: {descriptors}; name a baseline folder of it beside (omnieval baseline)"
-        )
+        raise ResultError(f"its images cannot be described again: {descriptors}; name a baseline folder of it beside")
     curve = batch_curve(descriptors, positions_of(replay.steps), ks, seed=replay.config.seed)
     if curve.is_empty():
         raise ResultError("there are fewer than two images")

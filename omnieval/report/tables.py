@@ -9,10 +9,11 @@ from typing import Any
 import polars as pl
 
 from omnieval.report.batch import SPECTRAL, method_name
-from omnieval.report.figure import Cell, Table
+from omnieval.report.figure import Table
 from omnieval.report.published import DOI, PAPER, PUBLISHED, Published, route_of
 from omnieval.report.sources import GROUP, Baseline, Replay, Sources, Sweep, best_rows
-from omnieval.report.wording import value_text
+from omnieval.text_table import Cell
+from omnieval.wording import value_text
 
 _PICKED = "The best run of a sweep is picked with the ground truth; the median says what to expect without it."
 _PICKED_PIECE = "The best piece of an interval is picked with the ground truth."

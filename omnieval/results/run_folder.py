@@ -120,6 +120,12 @@ class Run:
         file = f"{name}.parquet"
         return _read_table(self.folder / file, self.manifest.get("file_digests", {}).get(file))
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        from omnieval.results.summary import run_html
+
+        return run_html(self)
+
     @property
     def recording(self) -> Path:
         """Where the Rerun recording is, if there is one."""

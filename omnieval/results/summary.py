@@ -5,10 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+import polars as pl
+
 from omnieval.imaging.soundness import BadImage, in_words
 from omnieval.metrics.evaluation import Evaluation
+from omnieval.palette import node_color
 from omnieval.results.run_folder import Run
+from omnieval.text_table import markdown
 from omnieval.wording import shown
+
+_MAP_WIDTH, _MAP_HEIGHT, _MAP_BORDER = 320, 200, 4
+"""Of the picture of a map, pixels at most."""
 
 
 def summary_fields(run: Run) -> Iterator[tuple[str, str]]:
@@ -53,14 +61,55 @@ def _value(value: float | int | None, reason: str | None) -> str:
 
 def configuration_page(name: str, source: str, parameters: Mapping[str, Any]) -> str:
     """Return a Markdown page that says what a run replays and with which parameters."""
-    rows = "\n".join(f"| `{parameter}` | {value} |" for parameter, value in parameters.items())
-    return f"# {name}\n\n`{source}`\n\n## Parameters\n\n| parameter | value |\n|---|---|\n{rows}\n"
+    rows = [(parameter, str(value)) for parameter, value in parameters.items()]
+    return f"# {name}\n\n`{source}`\n\n## Parameters\n\n{markdown(('parameter', 'value'), rows)}\n"
 
 
 def metrics_page(evaluation: Evaluation) -> str:
     """Return a Markdown section that says what the map of a run is worth."""
-    rows = "\n".join(
-        f"| `{name}` | {_value(value, evaluation.reasons.get(name)) if name != 'nodes' else value} |"
-        for name, value in evaluation.metrics.items()
+    reasons = evaluation.reasons
+    rows = [(name, f"none: {reasons[name]}" if name in reasons else cell) for name, cell in evaluation.metrics.items()]
+    return f"\n## Metrics\n\n{markdown(('metric', 'value'), rows)}\n"
+
+
+def run_html(run: Run) -> str:
+    """Return a run as a notebook shows it: its summary, where the nodes are, and links to its files."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("omnieval.results"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    return f"\n## Metrics\n\n| metric | value |\n|---|---|\n{rows}\n"
+    config = run.config
+    width, height, points = _map_points(run.steps)
+    return environment.get_template("run.html.j2").render(
+        folder=str(run.folder),
+        status=run.status,
+        mapper=config.mapper.name,
+        descriptor=config.descriptor.name,
+        fields=list(summary_fields(run)) if run.status == "complete" else [],
+        width=width,
+        height=height,
+        points=points,
+        files=[(path.name, path.as_posix()) for path in sorted(run.folder.iterdir()) if path.is_file()],
+    )
+
+
+def _map_points(steps: pl.DataFrame) -> tuple[int, int, list[tuple[float, float, str]]]:
+    """Return width and height of a picture of the map, pixels, and its points: x, y (downwards), colour of the node."""
+    known = steps.drop_nulls(["x", "y"])
+    if known.is_empty():
+        return 0, 0, []
+    positions = known.select("x", "y").to_numpy()
+    low, extent = positions.min(axis=0), np.maximum(np.ptp(positions, axis=0), 1.0)
+    scale = min(_MAP_WIDTH / extent[0], _MAP_HEIGHT / extent[1])
+    places = (positions - low) * scale
+    width, height = (extent * scale + 2 * _MAP_BORDER).astype(int).tolist()
+    nodes = known["node_final"].fill_null(known["node"]).fill_null(0).to_list()
+    return (
+        width,
+        height,
+        [
+            (round(x + _MAP_BORDER, 1), round(height - y - _MAP_BORDER, 1), node_color(node))
+            for (x, y), node in zip(places.tolist(), nodes, strict=True)
+        ],
+    )

@@ -63,7 +63,10 @@ def steps_frame(rows: Iterable[dict[str, Any]], columns: Sequence[Column]) -> pl
     """Return rows of `step_row` as a table, with the `columns` that the mapper declares."""
     schema = steps_schema(columns)
     blank = dict.fromkeys(schema)
-    return pl.DataFrame([blank | row for row in rows], schema=schema)
+    thresholds = [(column.name, column.threshold_of) for column in columns if column.threshold_of]
+    return pl.DataFrame(
+        [blank | row | {name: _threshold(row, gate) for name, gate in thresholds} for row in rows], schema=schema
+    )
 
 
 def with_final_map(steps: pl.DataFrame, final: FinalMap) -> pl.DataFrame:
@@ -95,7 +98,11 @@ def step_from_row(row: dict[str, Any], columns: Iterable[Column]) -> Step:
         comparisons=tuple(
             Comparison(**{**one, "values": tuple(one["values"]), "of": tuple(one["of"])}) for one in row["comparisons"]
         ),
-        measured={column.name: value for column in columns if (value := row[column.name]) is not None},
+        measured={
+            column.name: value
+            for column in columns
+            if column.threshold_of is None and (value := row[column.name]) is not None
+        },
     )
 
 
@@ -179,6 +186,11 @@ def _comparison_row(one: Comparison) -> dict[str, Any]:
         "floor": float(one.floor),
         "counts": one.counts,
     }
+
+
+def _threshold(row: dict[str, Any], gate: str) -> float | None:
+    """Return the threshold of the first comparison at a gate."""
+    return next((one["threshold"] for one in row["comparisons"] if one["gate"] == gate), None)
 
 
 def _event_row(event: NodeEvent) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from omnieval.explain.capture import Capture
+
 from omnieval.explain.page import revisit_text
 from omnieval.explain.revisit import Revisits
 from omnieval.explain.run import RunExplainer

@@ -9,7 +9,8 @@ import pytest
 
 from omnieval.errors import ResultError
 from omnieval.explain.page import lines, match_text
-from omnieval.explain.run import RunExplainer, explanation_lines, plain
+from omnieval.explain.run import RunExplainer, explanation_lines
+from omnieval.json_records import jsonable
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Verdict
 from omnieval.results.run_folder import open_run
@@ -91,14 +92,14 @@ def test_the_tables_alone_suffice(run, explainer, tmp_path):
     folder.mkdir()
     for name in ("run.json", "steps.parquet", "nodes.parquet"):
         (folder / name).write_bytes((run.folder / name).read_bytes())
-    assert plain(RunExplainer(open_run(folder)).explain(40)) == plain(explainer.explain(40))
+    assert jsonable(RunExplainer(open_run(folder)).explain(40)) == jsonable(explainer.explain(40))
 
 
 def test_plain_content_is_what_json_knows(explainer):
-    content = plain(explainer.explain(40))
+    content = jsonable(explainer.explain(40))
     assert content["decision"]["capture"]["file"] == "image40.png"
     assert isinstance(content["decision"]["gate"]["ratios"], list)
-    assert plain([float("inf"), float("nan"), Verdict.PENDING]) == [None, None, "pending"]
+    assert jsonable([float("inf"), float("nan"), Verdict.PENDING]) == [None, None, "pending"]
 
 
 def test_a_run_that_did_not_reach_its_end_is_explained_as_far_as_it_came(run, tmp_path):

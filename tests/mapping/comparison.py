@@ -1,4 +1,4 @@
-"""Holds a `Mapper` against the reference, step by step and field by field."""
+"""Holds `Roman2020` against the reference, step by step and field by field."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.mapper import Mapper
+from omnieval.mapping.partition import Partition
+from omnieval.mapping.roman2020.mapper import Roman2020
+from omnieval.mapping.roman2020.settings import Roman2020Settings
 from omnieval.mapping.step import FinalMap, Step
 from tests.reference.mapper import NOTHING, ReferenceMapper
 
@@ -29,6 +30,13 @@ CLOSE = (
     *("position_similarity", "orientation_similarity", "similarity"),
     *("prominence", "prominence_mean", "centroid_shift", "centroid_bound"),
 )
+MEASURED = {
+    "position_similarity": "similarity_position",
+    "orientation_similarity": "similarity_orientation",
+    **{name: name for name in ("similarity", "prominence", "prominence_mean", "peaks", "run")},
+    **{name: name for name in ("centroid_shift", "centroid_bound")},
+}
+"""What the reference calls the columns of the method."""
 
 
 @dataclass
@@ -40,14 +48,15 @@ class Tally:
     placements: Counter[str] = field(default_factory=Counter)
 
 
-def assert_agreement(config: MapperConfig, descriptions: Sequence[Description]) -> Tally:
+def assert_agreement(settings: Roman2020Settings, descriptions: Sequence[Description]) -> Tally:
     """Replay the sequence with both mappers; fail at the first field of the first step that differs."""
-    tally = Tally()
-    mapper, reference = Mapper(config), ReferenceMapper(config)
+    tally, partition = Tally(), Partition()
+    mapper, reference = Roman2020(settings), ReferenceMapper(settings)
     for description in descriptions:
         step = mapper.step(description)
+        partition.apply(step)
         expected = reference.step(description.position, description.orientation)
-        assert_step(fields_of(step), expected, f"frame {step.frame}")
+        assert_step(fields_of(step, partition, mapper), expected, f"frame {step.frame}")
         tally.verdicts[step.verdict] += 1
         tally.events.update(event.kind for event in step.events)
     final, expected = mapper.finish(), reference.finish()
@@ -88,48 +97,44 @@ def assert_final(found: FinalMap, expected: dict[str, Any]) -> None:
     np.testing.assert_allclose(found.representatives, expected["representatives"], rtol=RTOL, atol=TINY)
 
 
-def fields_of(step: Step) -> dict[str, Any]:
-    """The step as the reference writes it."""
+def fields_of(step: Step, partition: Partition, mapper: Roman2020) -> dict[str, Any]:
+    """The step as the reference writes it; `partition` has taken it in."""
     fields = NOTHING | {
-        "verdict": str(step.verdict),
+        "verdict": step.verdict,
         "node": step.node,
-        "run": step.run,
         "events": [(str(event.kind), event.node, event.into, event.frames) for event in step.events],
-        "active": step.active,
-        "pending": step.pending,
+        "active": len(partition.active),
+        "pending": partition.count - len(partition.active),
+        **{name: step.measured.get(column) for name, column in MEASURED.items()},
     }
-    if step.gate is not None:
+    if (gate := step.compared("node")) is not None:
         fields |= {
-            "x": step.gate.x,
-            "nodes": step.gate.nodes.tolist(),
-            "ratios": step.gate.ratios,
-            "candidates": step.gate.candidates.tolist(),
+            "x": gate.threshold,
+            "nodes": list(gate.of),
+            "ratios": np.array(gate.values),
+            "candidates": list(gate.passing),
         }
-    if step.match is not None:
-        fields |= _match_fields(step)
-    if step.centroid is not None:
-        fields |= {"centroid_shift": step.centroid.shift, "centroid_bound": step.centroid.bound}
-    return fields
+    if (centroid := step.compared("centroid")) is not None:
+        assert (centroid.best, centroid.threshold) == (fields["centroid_shift"], fields["centroid_bound"])
+    return fields | _match_fields(step, mapper)
 
 
-def _match_fields(step: Step) -> dict[str, Any]:
-    match = step.match
-    assert match is not None
+def _match_fields(step: Step, mapper: Roman2020) -> dict[str, Any]:
+    match, curves = step.match, step.curves
+    assert (match is None) == (curves is None)
+    if match is None or curves is None:
+        return {}
+    assert curves.frames[curves.best] == match.frame
     return {
-        "frames": match.frames.tolist(),
-        "slots": match.slots.tolist(),
-        "map_size": match.map_size,
-        "position_similarities": match.position,
-        "orientation_similarities": match.orientation,
-        "similarities": match.similarity,
-        "shifts": match.shifts.tolist(),
+        "frames": curves.frames.tolist(),
+        "slots": curves.slots.tolist(),
+        "map_size": curves.size,
+        "position_similarities": curves.values["position"],
+        "orientation_similarities": curves.values["orientation"],
+        "similarities": curves.values["similarity"],
+        # No evidence tells of the other images' shifts, but the best image was chosen by them.
+        "shifts": mapper.images.compare(step.frame, curves.frames).shifts.tolist(),
         "best_node": match.node,
-        "best_frame": match.best_frame,
+        "best_frame": match.frame,
         "shift": match.shift,
-        "position_similarity": match.position[match.best],
-        "orientation_similarity": match.orientation[match.best],
-        "similarity": match.similarity[match.best],
-        "prominence": match.prominence,
-        "prominence_mean": match.prominence_mean,
-        "peaks": match.peaks,
     }

@@ -8,8 +8,9 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from omnieval.mapping.config import PRESETS, MapperConfig
-from omnieval.mapping.step import EventKind, Placement, Verdict
+from omnieval.mapping.roman2020.evidence import Verdict
+from omnieval.mapping.roman2020.settings import PRESETS, Roman2020Settings
+from omnieval.mapping.step import EventKind, Placement
 from tests.mapping.comparison import Tally, assert_agreement
 from tests.mapping.worlds import World
 
@@ -23,7 +24,7 @@ NUMBERS: dict[str, tuple[Any, ...]] = {
 }
 OPTIONS = {
     name: get_args(field.annotation)
-    for name, field in MapperConfig.model_fields.items()
+    for name, field in Roman2020Settings.model_fields.items()
     if field.default is not None and get_args(field.annotation)
 }
 WORLDS: dict[str, tuple[Any, ...]] = {
@@ -39,7 +40,7 @@ WORLDS: dict[str, tuple[Any, ...]] = {
 }
 
 
-def cases(count: int, seed: int, **world: Any) -> list[tuple[World, MapperConfig]]:
+def cases(count: int, seed: int, **world: Any) -> list[tuple[World, Roman2020Settings]]:
     """Worlds and configurations in which each value of each parameter takes its turn, in random company."""
     rng = np.random.default_rng(seed)
 
@@ -47,7 +48,7 @@ def cases(count: int, seed: int, **world: Any) -> list[tuple[World, MapperConfig
         turns = {name: rng.permutation(count) % len(values) for name, values in choices.items()}
         return [{name: choices[name][turns[name][i]] for name in choices} for i in range(count)]
 
-    configs = [MapperConfig(**choice) for choice in columns(NUMBERS | OPTIONS)]
+    configs = [Roman2020Settings(**choice) for choice in columns(NUMBERS | OPTIONS)]
     worlds = [World(seed=seed + i, **(choice | world)) for i, choice in enumerate(columns(WORLDS))]
     return list(zip(worlds, configs, strict=True))
 
@@ -85,19 +86,19 @@ def test_the_configurations_use_every_value_of_every_option() -> None:
 
 @pytest.mark.parametrize("preset", sorted(PRESETS))
 def test_presets_agree_with_the_reference(preset: str) -> None:
-    config = MapperConfig(**PRESETS[preset])
+    config = Roman2020Settings(**PRESETS[preset])
     tally = assert_agreement(config, World(seed=5, spread=0.8, noise=0.005).describe())
     assert tally.verdicts["assigned"] > 0
 
 
 def test_the_sizes_of_the_paper_agree_with_the_reference() -> None:
     world = World(seed=7, visits=3, places=2, dwell=(12, 14), passage=0, dimension=256, cells=256, bins=16)
-    tally = assert_agreement(MapperConfig(gamma=1.2, omega=3.0, n_init=12, n_new=10), world.describe())
+    tally = assert_agreement(Roman2020Settings(gamma=1.2, omega=3.0, n_init=12, n_new=10), world.describe())
     assert tally.events["created"] > 1
     assert tally.verdicts["assigned"] > 0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("world", "config"), SLOW)
-def test_hundreds_of_worlds_agree_with_the_reference(world: World, config: MapperConfig) -> None:
+def test_hundreds_of_worlds_agree_with_the_reference(world: World, config: Roman2020Settings) -> None:
     assert assert_agreement(config, world.describe()).verdicts["initial"] == config.n_init

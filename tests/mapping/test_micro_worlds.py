@@ -10,9 +10,10 @@ import pytest
 
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.mapper import Mapper
-from omnieval.mapping.step import EventKind, NodeEvent, Placement, Step, Verdict
+from omnieval.mapping.roman2020.evidence import Verdict
+from omnieval.mapping.roman2020.mapper import Roman2020
+from omnieval.mapping.roman2020.settings import Roman2020Settings
+from omnieval.mapping.step import Comparison, EventKind, Match, NodeEvent, Placement, Step
 
 Point = tuple[float, float]
 
@@ -27,16 +28,45 @@ def look(point: Point, cells: Sequence[float] = FACING) -> Description:
     return Description(np.array(point, np.float32), np.array(cells, np.float32)[:, None])
 
 
-def replay(mapper: Mapper, points: Iterable[Point]) -> list[Step]:
+def replay(mapper: Roman2020, points: Iterable[Point]) -> list[Step]:
     return [mapper.step(look(point)) for point in points]
 
 
-def mapper_of(points: Iterable[Point], **options: object) -> Mapper:
+def mapper_of(points: Iterable[Point], **options: object) -> Roman2020:
     """A mapper with identity covariance whose first node is made of the ten `points`."""
     settings: dict[str, object] = {"n_init": 10, "n_new": 10, "covariance": "identity", "gamma": 0.0}
-    mapper = Mapper(MapperConfig.model_validate(settings | options))
+    mapper = Roman2020(Roman2020Settings.model_validate(settings | options))
     replay(mapper, points)
     return mapper
+
+
+def asked(step: Step, name: str) -> Comparison:
+    """What was compared at a gate."""
+    found = step.compared(name)
+    assert found is not None
+    return found
+
+
+def gate(step: Step) -> Comparison:
+    """What was compared at the node-level gate."""
+    return asked(step, "node")
+
+
+def best(step: Step) -> Match:
+    assert step.match is not None
+    return step.match
+
+
+def curve(step: Step, name: str) -> list[float]:
+    """A similarity curve of the step."""
+    assert step.curves is not None
+    return list(step.curves.values[name])
+
+
+def standing(mapper: Roman2020) -> tuple[int, int]:
+    """How many nodes are active and how many pending."""
+    final = mapper.finish()
+    return len(final.active), len(final.nodes) - len(final.active)
 
 
 def cluster(centre: Point, size: float = 0.5) -> list[Point]:
@@ -68,39 +98,35 @@ class TestNodeGate:
         self, point: Point, ratio: float, passes: bool
     ) -> None:
         step = mapper_of(self.NODE).step(look(point))
-        assert step.gate is not None
-        assert step.gate.x == pytest.approx(2.9)
-        assert step.gate.ratios.tolist() == pytest.approx([ratio])
-        assert step.gate.candidates.tolist() == ([1] if passes else [])
+        assert gate(step).threshold == pytest.approx(2.9)
+        assert list(gate(step).values) == pytest.approx([ratio])
+        assert gate(step).passing == ((1,) if passes else ())
 
     def test_a_large_omega_is_the_threshold(self) -> None:
         step = mapper_of(self.NODE, omega=4.0).step(look((0, 5)))
-        assert step.gate is not None
-        assert step.gate.x == 4.0
-        assert step.gate.candidates.tolist() == [1]
+        assert gate(step).threshold == 4.0
+        assert gate(step).passing == (1,)
 
     # Held out: Delta = 16 and 25, so mu_ns = 20.5 and sigma_ns = sqrt(40.5 / 2 * 2) = 6.364.
     HOLLOW = (*CROSS, (4, 0), (0, 5))
 
     def test_two_sided_refuses_the_very_mean_of_a_hollow_node(self) -> None:
         step = mapper_of(self.HOLLOW).step(look((0, 0)))
-        assert step.verdict is Verdict.NO_CANDIDATE
-        assert step.gate is not None
-        assert step.gate.ratios.tolist() == pytest.approx([20.5 / math.sqrt(40.5)])  # 3.22 > 2.9
+        assert step.verdict == Verdict.NO_CANDIDATE
+        assert list(gate(step).values) == pytest.approx([20.5 / math.sqrt(40.5)])  # 3.22 > 2.9
 
     def test_one_sided_accepts_it(self) -> None:
         step = mapper_of(self.HOLLOW, node_gate="one-sided").step(look((0, 0)))
-        assert step.verdict is Verdict.ASSIGNED
-        assert step.gate is not None
-        assert step.gate.ratios.tolist() == pytest.approx([-20.5 / math.sqrt(40.5)])
+        assert step.verdict == Verdict.ASSIGNED
+        assert list(gate(step).values) == pytest.approx([-20.5 / math.sqrt(40.5)])
 
     def test_diagonal_divides_by_the_variances(self) -> None:
         # x: four of eight fitted images at +-2, variance 16/7; y: four at +-1, variance 4/7.
         # Held out (2, 0): Delta = 4 * 7/16 = 1.75; (0, 3): Delta = 9 * 7/4 = 15.75; mu = 8.75, sigma = 7 sqrt 2.
         stretched = [(2 * x, y) for x, y in CROSS]
         step = mapper_of([*stretched, (2, 0), (0, 3)], covariance="diagonal").step(look((4, 1)))
-        assert step.gate is not None  # Delta = 16 * 7/16 + 7/4 = 8.75 = mu
-        assert step.gate.ratios.tolist() == pytest.approx([0.0], abs=1e-12)
+        # Delta = 16 * 7/16 + 7/4 = 8.75 = mu
+        assert list(gate(step).values) == pytest.approx([0.0], abs=1e-12)
 
     def test_diagonal_floors_a_variance_of_zero(self) -> None:
         # All y are 0: variances 4/7 * 2 = 8/7 and 0; the floor is 1e-3 * mean = 1e-3 * 4/7.
@@ -108,8 +134,7 @@ class TestNodeGate:
         line = [(1.0, 0.0), (-1.0, 0.0)] * 4
         step = mapper_of([*line, (1, 0), (2, 0)], covariance="diagonal").step(look((0, 0.25)))
         delta = 0.0625 / (1e-3 * 4 / 7)
-        assert step.gate is not None
-        assert step.gate.ratios.tolist() == pytest.approx([(delta - 35 / 16) / (21 / 8 / math.sqrt(2))])
+        assert list(gate(step).values) == pytest.approx([(delta - 35 / 16) / (21 / 8 / math.sqrt(2))])
 
     def test_the_fit_follows_an_insertion_unless_frozen(self) -> None:
         # After (0, 3) joins, floor(0.8 * 11) = 8 images still fit; held out are Delta = 1, 9, 9:
@@ -117,9 +142,8 @@ class TestNodeGate:
         for refit, mu, sigma in (("insertion", 19 / 3, 8 / math.sqrt(3)), ("creation", 5, math.sqrt(32))):
             mapper = mapper_of(self.NODE, gate_refit=refit)
             joined, step = replay(mapper, [(0, 3), (0, 2)])
-            assert joined.verdict is Verdict.ASSIGNED
-            assert step.gate is not None
-            assert step.gate.ratios.tolist() == pytest.approx([abs(4 - mu) / sigma])
+            assert joined.verdict == Verdict.ASSIGNED
+            assert list(gate(step).values) == pytest.approx([abs(4 - mu) / sigma])
 
 
 class TestMatch:
@@ -139,23 +163,29 @@ class TestMatch:
         return mapper_of(points, omega=100.0, **options).step(look((0, 0)))
 
     def test_the_similarity_curve_is_the_drawn_one(self) -> None:
-        match = self.drawn().match
-        assert match is not None
-        assert match.position.tolist() == pytest.approx([height / 31 for height in self.CURVE], rel=1e-6)
-        assert match.orientation.tolist() == pytest.approx([0.1] * 10)
-        assert match.similarity.tolist() == pytest.approx([h * self.UNIT for h in self.CURVE], rel=1e-6)
-        assert (match.best_frame, match.node, match.map_size, match.peaks) == (5, 1, 10, 4)
+        step = self.drawn()
+        assert curve(step, "position") == pytest.approx([height / 31 for height in self.CURVE], rel=1e-6)
+        assert curve(step, "orientation") == pytest.approx([0.1] * 10)
+        assert curve(step, "similarity") == pytest.approx([h * self.UNIT for h in self.CURVE], rel=1e-6)
+        assert step.curves is not None
+        assert (best(step).frame, best(step).node, step.curves.size, step.measured["peaks"]) == (5, 1, 10, 4)
+
+    def test_the_level_is_where_the_curve_would_have_to_end_to_pass(self) -> None:
+        # Its peak of 8 stands on 0; gamma = 2 asks for 2 * 15/4 = 7.5 of 8.
+        step = self.drawn(gamma=2.0)
+        assert step.curves is not None
+        assert step.curves.level == pytest.approx(7.5 / 8)
 
     def test_prominence_over_the_mean_of_the_peaks(self) -> None:
-        match = self.drawn().match
-        assert match is not None
-        assert match.prominence == pytest.approx(8 * self.UNIT, rel=1e-6)
-        assert match.prominence_mean == pytest.approx(15 / 4 * self.UNIT, rel=1e-6)
+        step = self.drawn()
+        assert step.measured["prominence"] == pytest.approx(8 * self.UNIT, rel=1e-6)
+        assert step.measured["prominence_mean"] == pytest.approx(15 / 4 * self.UNIT, rel=1e-6)
+        assert step.measured["prominence_ratio"] == pytest.approx(32 / 15, rel=1e-6)
+        assert asked(step, "prominence").values == (step.measured["prominence_ratio"],)
 
     def test_prominence_over_all_candidates(self) -> None:
-        match = self.drawn(prominence_mean="candidates").match
-        assert match is not None
-        assert match.prominence_mean == pytest.approx(15 / 10 * self.UNIT, rel=1e-6)
+        step = self.drawn(prominence_mean="candidates")
+        assert step.measured["prominence_mean"] == pytest.approx(15 / 10 * self.UNIT, rel=1e-6)
 
     @pytest.mark.parametrize(
         ("gamma", "mean", "verdict"),
@@ -167,39 +197,37 @@ class TestMatch:
         ],
     )
     def test_gamma_is_the_ratio_it_takes(self, gamma: float, mean: str, verdict: Verdict) -> None:
-        assert self.drawn(gamma=gamma, prominence_mean=mean).verdict is verdict
+        assert self.drawn(gamma=gamma, prominence_mean=mean).verdict == verdict
 
     @pytest.mark.parametrize(("single_peak", "verdict"), [("accept", Verdict.ASSIGNED), ("reject", Verdict.PROMINENCE)])
     def test_one_peak_is_up_to_the_option(self, single_peak: str, verdict: Verdict) -> None:
         # Ten images along a line, the new one near the sixth: s rises and falls once.
         line = [(float(x), 0.0) for x in range(10)]
         step = mapper_of(line, omega=100.0, gamma=5.0, single_peak=single_peak).step(look((5.1, 0)))
-        assert step.match is not None
-        assert step.match.peaks == 1
-        assert step.match.best_frame == 5
-        assert step.verdict is verdict
+        assert (step.measured["peaks"], best(step).frame) == (1, 5)
+        assert asked(step, "peaks").values == (1,)
+        assert step.compared("prominence") is None
+        assert step.verdict == verdict
 
     def test_identical_images_are_one_plateau(self) -> None:
         step = mapper_of([(0, 0)] * 10, single_peak="reject").step(look((0, 0)))
-        assert step.match is not None
-        assert step.match.position.tolist() == [0.1] * 10
-        assert (step.match.peaks, step.match.best_frame) == (1, 0)
-        assert step.match.prominence == pytest.approx(0.01)
+        assert curve(step, "position") == [0.1] * 10
+        assert (step.measured["peaks"], best(step).frame) == (1, 0)
+        assert step.measured["prominence"] == pytest.approx(0.01)
 
     def test_the_shift_rolls_the_best_image_onto_the_new_one(self) -> None:
         # Image 3 alone shows what the new one does, two cells earlier.
-        mapper = Mapper(MapperConfig(n_init=10, omega=100.0, covariance="identity", gamma=0.0))
+        mapper = Roman2020(Roman2020Settings(n_init=10, omega=100.0, covariance="identity", gamma=0.0))
         points = (*CROSS, (0, 1), (0, -2))
         for frame, point in enumerate(points):
             mapper.step(look(point, (5, 1, 0, 0) if frame == 3 else (3, 3, 3, 3)))
-        match = mapper.step(look((0, 0), (0, 0, 5, 1))).match
-        assert match is not None
-        assert (match.best_frame, match.shift) == (3, 2)
-        assert np.roll([5, 1, 0, 0], match.shift).tolist() == [0, 0, 5, 1]
+        step = mapper.step(look((0, 0), (0, 0, 5, 1)))
+        assert (best(step).frame, best(step).shift) == (3, 2)
+        assert np.roll([5, 1, 0, 0], best(step).shift).tolist() == [0, 0, 5, 1]
         # Image 3 is at the floor of 1e-9, the others at sqrt(9 + 9 + 4 + 4).
         weight = 1e-9 / math.sqrt(26)
-        assert match.orientation[3] == pytest.approx(1 / (1 + 9 * weight))
-        assert match.orientation[0] == pytest.approx(weight, rel=1e-6)
+        assert curve(step, "orientation")[3] == pytest.approx(1 / (1 + 9 * weight))
+        assert curve(step, "orientation")[0] == pytest.approx(weight, rel=1e-6)
 
 
 class TestCentroid:
@@ -217,14 +245,13 @@ class TestCentroid:
     )
     def test_the_shift_of_the_mean_is_bounded(self, x: float, verdict: Verdict) -> None:
         step = mapper_of(self.NODE, omega=100.0).step(look((x, 0)))
-        assert step.centroid is not None
-        assert step.centroid.bound == pytest.approx(1 / 9)
-        assert step.centroid.shift == pytest.approx(x / 11)
-        assert step.verdict is verdict
+        assert asked(step, "centroid").threshold == step.measured["centroid_bound"] == pytest.approx(1 / 9)
+        assert asked(step, "centroid").best == step.measured["centroid_shift"] == pytest.approx(x / 11)
+        assert step.verdict == verdict
 
     def test_it_is_not_reached_when_prominence_refuses(self) -> None:
         step = mapper_of(self.NODE, omega=100.0, gamma=1000.0).step(look((1.25, 0)))
-        assert (step.verdict, step.centroid) == (Verdict.PROMINENCE, None)
+        assert (step.verdict, step.compared("centroid")) == (Verdict.PROMINENCE, None)
 
 
 class TestMerging:
@@ -240,7 +267,7 @@ class TestMerging:
         *refused, last = replay(mapper, self.RING)
         assert [step.verdict for step in (*refused, last)] == [Verdict.NO_CANDIDATE] * 10
         assert [step.node for step in refused] == [None] * 9
-        assert [step.run for step in (*refused, last)] == list(range(1, 11))
+        assert [step.measured["run"] for step in (*refused, last)] == list(range(1, 11))
         assert last.node == 1
         assert last.events == (
             NodeEvent(EventKind.CREATED, 2, frames=tuple(range(10, 20))),
@@ -272,41 +299,40 @@ class TestActivation:
     """Section 5: a new node must be as far from the active nodes as these are from each other."""
 
     # Representatives of the first two: 10 apart. All clusters have the same shape, mu = 0.625, sigma = 0.53.
-    def two_active_nodes(self) -> Mapper:
+    def two_active_nodes(self) -> Roman2020:
         mapper = mapper_of(cluster((0, 0)))
         last = replay(mapper, cluster((10, 0)))[-1]
         assert [event.kind for event in last.events] == [EventKind.CREATED, EventKind.ACTIVATED]
-        assert (last.active, last.pending) == (2, 0)
+        assert standing(mapper) == (2, 0)
         return mapper
 
     def test_a_distant_node_is_active_at_once(self) -> None:
-        last = replay(self.two_active_nodes(), cluster((5, 9)))[-1]  # sqrt(25 + 81) = 10.30 >= 10
-        assert (last.active, last.pending) == (3, 0)
+        mapper = self.two_active_nodes()
+        replay(mapper, cluster((5, 9)))  # sqrt(25 + 81) = 10.30 >= 10
+        assert standing(mapper) == (3, 0)
 
     def test_a_node_in_between_is_pending_until_it_has_moved_away(self) -> None:
         mapper = self.two_active_nodes()
         last = replay(mapper, cluster((5, 8.6)))[-1]  # sqrt(25 + 73.96) = 9.95 < 10
         assert [event.kind for event in last.events] == [EventKind.CREATED]
-        assert (last.node, last.active, last.pending) == (3, 2, 1)
+        assert (last.node, standing(mapper)) == (3, (2, 1))
         # (5.15, 9.6): Delta = 0.15^2 + 1 = 1.0225, ratio 0.75 <= x(2) = 2.75. The representative moves by 1/11
         # to (5.15, 8.691): sqrt(25 + 75.53) = 10.03 >= 10.
         step = mapper.step(look((5.15, 9.6)))
-        assert (step.verdict, step.node, step.run) == (Verdict.PENDING, 3, 0)
+        assert (step.verdict, step.node, step.measured["run"]) == (Verdict.PENDING, 3, 0)
         assert step.events == (NodeEvent(EventKind.ACTIVATED, 3),)
-        assert (step.active, step.pending) == (3, 0)
-        assert step.gate is not None
-        assert step.gate.nodes.tolist() == [1, 2]
-        assert step.gate.x == pytest.approx(2.75)
-        assert mapper.step(look((5, 8.6))).gate is not None
+        assert standing(mapper) == (3, 0)
+        assert gate(step).of == (1, 2)
+        assert gate(step).threshold == pytest.approx(2.75)
 
     def test_a_pending_node_is_no_candidate_but_stands_on_the_curve(self) -> None:
         mapper = self.two_active_nodes()
         replay(mapper, cluster((5, 8)))
         step = mapper.step(look((10.2, 0.1)))
-        assert step.verdict is Verdict.ASSIGNED
-        assert step.match is not None
-        assert step.match.map_size == 30
-        assert step.match.slots.tolist() == list(range(10, 20))
+        assert step.verdict == Verdict.ASSIGNED
+        assert step.curves is not None
+        assert step.curves.size == 30
+        assert step.curves.slots.tolist() == list(range(10, 20))
 
 
 class TestMargin:
@@ -336,17 +362,15 @@ class TestMargin:
         # Node 1 reaches far (mu_ns = 50.5, sigma_ns = 70), node 2 stands at (20, 0): both let (10.2, 0) in, which
         # is nearer to (19, 0) of node 2 than to (1, 0) of node 1.
         mapper = mapper_of([*CROSS, (1, 0), (0, 10)])
-        created = replay(mapper, [(x + 20, y) for x, y in (*CROSS, (1, 0), (0, 10))])[-1]
-        assert created.active == 2
+        replay(mapper, [(x + 20, y) for x, y in (*CROSS, (1, 0), (0, 10))])
+        assert standing(mapper) == (2, 0)
         step = mapper.step(look((10.2, 0)))
-        assert step.gate is not None
-        assert step.gate.candidates.tolist() == [1, 2]
-        assert step.match is not None
-        assert step.match.best_frame == 11
+        assert gate(step).passing == (1, 2)
+        assert best(step).frame == 11
         assert_margin(step, "match", 1 - 8.8 / 9.2)
 
     def test_nothing_is_compared_for_initial_images(self) -> None:
-        assert [step.margin for step in replay(Mapper(MapperConfig(n_init=10)), CROSS)] == [None] * 8
+        assert [step.margin for step in replay(Roman2020(Roman2020Settings(n_init=10)), CROSS)] == [None] * 8
 
 
 class TestRunsAndLeftovers:
@@ -357,14 +381,14 @@ class TestRunsAndLeftovers:
 
     def test_an_accepted_image_breaks_the_run(self) -> None:
         steps = replay(mapper_of(self.NODE), [self.AWAY] * 9 + [(0, 1)] + [self.AWAY])
-        assert [step.run for step in steps] == [*range(1, 10), 0, 1]
+        assert [step.measured["run"] for step in steps] == [*range(1, 10), 0, 1]
         assert [event for step in steps for event in step.events] == []
 
     def test_only_images_without_candidate_count_under_that_option(self) -> None:
         mapper = mapper_of(self.NODE, gamma=1000.0, run_counts="no-candidate")
         steps = replay(mapper, [self.AWAY] * 9 + [(0, 1), (1, 0)] + [self.AWAY])
         assert [step.verdict for step in steps[9:]] == [Verdict.PROMINENCE] * 2 + [Verdict.NO_CANDIDATE]
-        assert [step.run for step in steps] == [*range(1, 10), 9, 9, 10]
+        assert [step.measured["run"] for step in steps] == [*range(1, 10), 9, 9, 10]
         assert steps[-1].events[0].frames == (*range(10, 19), 21)
 
     def test_a_leftover_goes_by_force_to_the_node_of_its_most_similar_image(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.errors import ConfigError
-from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.roman2020.settings import Roman2020Settings
 from tests.reference.curve import Image, find_peaks, prominence, similarities
 from tests.reference.node import ReferenceNode, Vector
 
@@ -22,7 +22,7 @@ Event = tuple[str, int, int | None, tuple[int, ...]]
 class ReferenceMapper:
     """Feed it images with `step`, then ask `finish` for the partition."""
 
-    def __init__(self, config: MapperConfig) -> None:
+    def __init__(self, config: Roman2020Settings) -> None:
         self.config = config
         self.images: list[Image] = []
         self.nodes: dict[int, ReferenceNode] = {}

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.covariance import ledoit_wolf
 
-from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.roman2020.settings import Roman2020Settings
 
 Vector = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ class ReferenceNode:
     mu_ns: float = 0.0
     sigma_ns: float = 0.0
 
-    def fit(self, positions: list[Vector], config: MapperConfig, *, created: bool = False) -> None:
+    def fit(self, positions: list[Vector], config: Roman2020Settings, *, created: bool = False) -> None:
         """Refit everything from the images; `positions` holds the descriptors of every frame seen so far."""
         self.frames.sort()
         fitted, held_out = split_images(len(self.frames), self.id, config)
@@ -50,7 +50,7 @@ class ReferenceNode:
         return (self.delta(position) - self.mu_ns) / self.sigma_ns
 
 
-def split_images(n: int, node: int, config: MapperConfig) -> tuple[list[int], list[int]]:
+def split_images(n: int, node: int, config: Roman2020Settings) -> tuple[list[int], list[int]]:
     """Indices (into the node's images in frame order) of the fit set and of the held-out set."""
     n_fit = (8 * n) // 10
     if config.split == "chronological":

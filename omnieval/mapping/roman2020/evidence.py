@@ -88,7 +88,7 @@ GATES = (
 )
 
 COLUMNS = (
-    Column(name="x_gate", type="float", meaning="threshold x(C) of the node-level gate (Eq. 4)"),
+    Column(name="x_gate", type="float", meaning="threshold x(C) of the node-level gate (Eq. 4)", threshold_of="node"),
     Column(name="similarity_position", type="float", meaning="s_pos of the best match"),
     Column(name="similarity_orientation", type="float", meaning="s_ori of the best match"),
     Column(name="similarity", type="float", meaning="s = s_pos s_ori of the best match"),

@@ -324,8 +324,6 @@ def _measured(examination: _Examination | None, journal: Journal, run: int) -> d
     measured: dict[str, Number] = {"run": run, "merge_ratio": journal.first("merge")}
     if examination is None:
         return measured
-    if examination.gate.nodes.size:
-        measured["x_gate"] = examination.gate.x
     if match := examination.match:
         measured["similarity_position"] = float(match.position[match.best])
         measured["similarity_orientation"] = float(match.orientation[match.best])

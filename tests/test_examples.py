@@ -4,10 +4,11 @@ import doctest
 
 import pytest
 
-from omnieval.report import markup, published, wording
+from omnieval import json_records, text_table, wording
+from omnieval.report import published
 
 
-@pytest.mark.parametrize("module", [markup, published, wording])
+@pytest.mark.parametrize("module", [json_records, text_table, published, wording])
 def test_examples(module):
     result = doctest.testmod(module)
     assert result.attempted > 0
