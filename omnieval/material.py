@@ -202,7 +202,8 @@ def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
     sequence = dataclasses.replace(sequence, frames=kept, calibration=())
     with DescriptorCache() as cache:
         camera = camera_of(manifest["camera"], image_size(sequence, cache))
-        yield _of_run(run, _of_images(sequence, config, cache, skipped, camera))
+        cells = None if describe else manifest["orientation_cells"]
+        yield _of_run(run, _of_images(sequence, config, cache, skipped, camera, cells))
 
 
 def archive_file(source: Source) -> Path | None:
@@ -261,23 +262,22 @@ def _of_images(
     unposed = why_unposed(sequence.frames)
     sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
     camera = camera or resolve_camera(sequence, config.imaging, cache)
-    described: Iterator[DescribedFrame]
-    if undescribed_cells is None:
-        described = Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
-        first = next(described)
-        described, cells = chain([first], described), len(first.description.orientation)
-    else:
-        described, cells = _undescribed(sequence.frames), undescribed_cells
+    described: Iterator[DescribedFrame] = (
+        Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
+        if undescribed_cells is None
+        else _undescribed(sequence.frames)
+    )
+    first = next(described)
     return Material(
         name=sequence.name,
         source=sequence.source,
         cut=Cut(*sequence.cut_from),
         descriptor=config.descriptor,
-        cells=cells,
+        cells=undescribed_cells or len(first.description.orientation),
         frames=sequence.frames,
         positions=sequence.positions,
         unposed=unposed,
-        described=described,
+        described=chain([first], described),
         camera=camera.settings,
         origin=camera.origin,
         card=sequence.card,

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from omnieval.mapping.interface import Method
 from omnieval.recording import entities
-from omnieval.recording.entities import CurveEntities
+from omnieval.recording.entities import capital, gate_plot, plotted_gates
 from omnieval.recording.styles import BACKGROUND_COLOR
 from omnieval.recording.viewport import Extent, map_window
 
@@ -109,10 +109,10 @@ def _reasons(method: Method) -> rrb.Container:
     """Return what was decided and why: in words, and as the curves and bars behind them."""
     parts: list[tuple[rrb.Container | rrb.View, float]] = [(rrb.TextDocumentView(origin=entities.WHY, name="Why"), 0.5)]
     if method.curves:
-        curves = [_bars(CurveEntities.of(name).root, entities.capital(name)) for name in method.curves]
+        curves = [_bars(entities.curve(name), capital(name)) for name in method.curves]
         parts.append((rrb.Tabs(*curves, active_tab=0), 0.25))
     if (gate := entities.bar_gate(method)) is not None:
-        title = f"{entities.capital(gate.value)} of each node; {gate.threshold} is the band"
+        title = f"{capital(gate.value)} of each node; {gate.threshold} is the band"
         parts.append((_bars(entities.BARS, title), 0.25))
     return rrb.Vertical(*(part for part, _ in parts), row_shares=[share for _, share in parts])
 
@@ -124,15 +124,15 @@ def _plots(method: Method, steps: int) -> rrb.Container:
     """
     gates = [
         plot(
-            one.root,
-            f"{one.title}{', missed' if number == 0 else ''}",
+            gate_plot(gate),
+            f"{capital(gate.value)}, {gate.threshold}{'' if number else ', missed'}",
             steps,
-            rrb.ScalarAxis(range=(0.0, one.gate.plot_to)) if one.gate.plot_to else None,
+            rrb.ScalarAxis(range=(0.0, gate.plot_to)) if gate.plot_to else None,
         )
-        for number, one in enumerate(entities.gate_plots(method))
+        for number, gate in enumerate(plotted_gates(method))
     ]
     columns = [
-        plot(entities.column_plot(one.name), f"{entities.capital(one.meaning)}{one.unit and f', {one.unit}'}", steps)
+        plot(entities.column_plot(one.name), f"{capital(one.meaning)}{one.unit and f', {one.unit}'}", steps)
         for one in method.columns
         if one.plotted
     ]

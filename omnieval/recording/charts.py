@@ -13,7 +13,7 @@ from omnieval.mapping.interface import Method
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Comparison, Curves, Step
 from omnieval.recording import entities
-from omnieval.recording.entities import CurveEntities, bar_gate, gate_plots
+from omnieval.recording.entities import bar_gate, gate_plot, plotted_gates
 from omnieval.recording.rows import NO_BARS, Bars, Row, Scalar
 
 CURVE_BARS = 512
@@ -32,13 +32,11 @@ class Charts:
 
     def __init__(self, method: Method) -> None:
         self._bars = bar_gate(method)
-        self._curves = [(name, CurveEntities.of(name)) for name in method.curves]
+        self._curves = [(name, entities.curve(name)) for name in method.curves]
         # What a parameter alone sets is known also where nothing is compared with it.
         self._plots = [
-            (plot.gate.name, plot.value, plot.threshold, _number(method.settings.get(plot.gate.threshold)))
-            for plot in gate_plots(method)
+            (gate.name, gate_plot(gate), _number(method.settings.get(gate.threshold))) for gate in plotted_gates(method)
         ]
-        self._missed = next((plot for plot in gate_plots(method)), None)
         self._columns = [(one.name, entities.column_plot(one.name)) for one in method.columns if one.plotted]
 
     def step_rows(self, step: Step) -> Rows:
@@ -49,10 +47,10 @@ class Charts:
     def plot_rows(self, step: Step, partition: Partition, milliseconds: float, silhouette: float | None = None) -> Rows:
         """Return every plot's points at a step, which `partition` has taken in; NaN where nothing was compared."""
         values: dict[str, float | None] = {}
-        for gate, value, threshold, known in self._plots:
+        for gate, plot, known in self._plots:
             one = step.compared(gate)
-            values[value] = None if one is None else subject_value(step, one)
-            values[threshold] = known if one is None else one.threshold
+            values[f"{plot}/value"] = None if one is None else subject_value(step, one)
+            values[f"{plot}/threshold"] = known if one is None else one.threshold
         for name, entity in self._columns:
             values[entity] = step.measured.get(name)
         active = len(partition.active)
@@ -68,11 +66,12 @@ class Charts:
 
     def missed_rows(self, scene: Scene) -> Rows:
         """Return the mark of a missed loop closure: at 0 where it was refused before the gate that is plotted."""
-        if self._missed is None or scene.outcome != "missed":
+        if not self._plots or scene.outcome != "missed":
             return []
-        one = scene.step.compared(self._missed.gate.name)
-        value = math.nan if one is None else _finite(subject_value(scene.step, one))
-        return [(self._missed.missed, Scalar(0.0 if math.isnan(value) else value))]
+        gate, plot, _ = self._plots[0]
+        one = scene.step.compared(gate)
+        value = 0.0 if one is None else subject_value(scene.step, one)
+        return [(f"{plot}/missed", Scalar(value if math.isfinite(value) else 0.0))]
 
     def _curve_rows(self, curves: Curves | None) -> Rows:
         """Return the similarity curves over the images of the map, each relative to its maximum.
@@ -90,9 +89,9 @@ class Charts:
                 best = _bar(float(relative[curves.best]), float(curves.slots[curves.best]) + 0.5 - width / 2, width)
                 if number == 0 and curves.level is not None:
                     level = _bar(curves.level, 0.0, float(curves.size))
-            rows += [(at.curve, curve), (at.best, best)]
+            rows += [(f"{at}/curve", curve), (f"{at}/best", best)]
             if number == 0:
-                rows.append((at.level, level))
+                rows.append((f"{at}/threshold", level))
         return rows
 
 

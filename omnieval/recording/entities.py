@@ -8,7 +8,6 @@ else varies stands in the recording's name and properties.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import rerun as rr
 
@@ -76,63 +75,14 @@ def application_id(method: Method) -> str:
     return f"{APPLICATION} {re.sub(r'[^A-Za-z0-9_-]', '-', method.name)}"
 
 
-@dataclass(frozen=True)
-class CurveEntities:
-    """Where a similarity curve is: its bars, its best image, and how high that must be."""
-
-    root: str
-
-    @staticmethod
-    def of(name: str) -> CurveEntities:
-        """Return where the curve of a name is."""
-        return CurveEntities(f"{CURVES}/{rr.escape_entity_path_part(name)}")
-
-    @property
-    def curve(self) -> str:
-        """The bars of all images."""
-        return f"{self.root}/curve"
-
-    @property
-    def best(self) -> str:
-        """The bar of the best one."""
-        return f"{self.root}/best"
-
-    @property
-    def level(self) -> str:
-        """The band it has to reach out of."""
-        return f"{self.root}/threshold"
+def curve(name: str) -> str:
+    """Return where a similarity curve is: `curve` and `best` image, and the `threshold` the first has to reach."""
+    return f"{CURVES}/{rr.escape_entity_path_part(name)}"
 
 
-@dataclass(frozen=True)
-class GatePlot:
-    """The plot over the run of what a gate compares."""
-
-    gate: Gate
-
-    @property
-    def root(self) -> str:
-        """Where the plot is."""
-        return f"{PLOT_GATES}/{rr.escape_entity_path_part(self.gate.name)}"
-
-    @property
-    def value(self) -> str:
-        """The line of what was compared."""
-        return f"{self.root}/value"
-
-    @property
-    def threshold(self) -> str:
-        """The line of what it was compared with."""
-        return f"{self.root}/threshold"
-
-    @property
-    def missed(self) -> str:
-        """The marks of missed loop closures."""
-        return f"{self.root}/missed"
-
-    @property
-    def title(self) -> str:
-        """What is plotted, in words."""
-        return f"{capital(self.gate.value)}, {self.gate.threshold}"
+def gate_plot(gate: Gate) -> str:
+    """Return where the plot of a gate is: `value` and `threshold`, and in the first one what was `missed`."""
+    return f"{PLOT_GATES}/{rr.escape_entity_path_part(gate.name)}"
 
 
 def bar_gate(method: Method) -> Gate | None:
@@ -140,15 +90,14 @@ def bar_gate(method: Method) -> Gate | None:
     return next((gate for gate in method.gates if gate.of == "node" and gate.closes), None)
 
 
-def gate_plots(method: Method) -> list[GatePlot]:
-    """Return the plots of gates: first those behind the gate of the bars, which say more than the bars.
+def plotted_gates(method: Method) -> list[Gate]:
+    """Return the gates that are plotted: first those behind the gate of the bars, which say more than the bars.
 
-    Missed loop closures are marked in the first.
+    Missed loop closures are marked in the plot of the first.
     """
-    plotted = [gate for gate in method.gates if gate.plot_to is not None]
     nodes = bar_gate(method)
-    first = method.gates.index(nodes) if nodes is not None else -1
-    return [GatePlot(gate) for gate in sorted(plotted, key=lambda gate: method.gates.index(gate) <= first)]
+    before = () if nodes is None else method.gates[: method.gates.index(nodes) + 1]
+    return sorted((gate for gate in method.gates if gate.plot_to is not None), key=lambda gate: gate in before)
 
 
 def column_plot(name: str) -> str:

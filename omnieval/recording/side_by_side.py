@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from omnieval.errors import ResultError
 from omnieval.explain.run import RunExplainer
 from omnieval.explain.scene import Scene
-from omnieval.mapping.interface import Method
+from omnieval.mapping.interface import Gate, Method
 from omnieval.mapping.partition import Partition
 from omnieval.recording import entities
 from omnieval.recording.blueprint import lanes, log_view, map_view, plot, whole_window
 from omnieval.recording.charts import subject_value
-from omnieval.recording.entities import GatePlot, gate_plots
+from omnieval.recording.entities import plotted_gates
 from omnieval.recording.overview import Overview
 from omnieval.recording.pages import numbered, why_row
 from omnieval.recording.rerun_stream import Stream
@@ -77,7 +77,7 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
     runs = (one, other)
     count = len(agreement.verdicts)
     extent = extent_of(one.steps.select("x", "y").to_numpy())
-    shown = _shared_plot(one.method, other.method)
+    shown = next((gate for gate in plotted_gates(one.method) if gate in plotted_gates(other.method)), None)
     with replacing(path) as temporary:
         stream = Stream(
             temporary,
@@ -96,12 +96,6 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
         if stream.failure:
             raise ResultError(f"cannot write {path}: {stream.failure}")
     return path
-
-
-def _shared_plot(one: Method, other: Method) -> GatePlot | None:
-    """Return the first plot of one mapper that the other has as well."""
-    theirs = gate_plots(other)
-    return next((plot for plot in gate_plots(one) if plot in theirs), None)
 
 
 class _Side:
@@ -132,7 +126,7 @@ class _Side:
         return found
 
 
-def _record_steps(stream: Stream, runs: tuple[Run, Run], agreement: Agreement, shown: GatePlot | None) -> list[_Side]:
+def _record_steps(stream: Stream, runs: tuple[Run, Run], agreement: Agreement, shown: Gate | None) -> list[_Side]:
     explainers = [RunExplainer(run) for run in runs]
     sides = [
         _Side(root, lane, explainer.method) for root, lane, explainer in zip(_ROOTS, _LANES, explainers, strict=True)
@@ -169,7 +163,7 @@ def _in_short(scene: Scene) -> str:
     return step.verdict if step.node is None else f"{step.verdict}, node {step.node}"
 
 
-def _plot_rows(both: Sequence[Scene], sides: list[_Side], shown: GatePlot | None) -> list[tuple[str, Row]]:
+def _plot_rows(both: Sequence[Scene], sides: list[_Side], shown: Gate | None) -> list[tuple[str, Row]]:
     rows: list[tuple[str, Row]] = []
     for (name, _, _), scene, side in zip(_SERIES, both, sides, strict=True):
         values = {_PLOT_VALUE: _value(scene, shown), entities.PLOT_NODES: float(side.partition.count)}
@@ -178,12 +172,12 @@ def _plot_rows(both: Sequence[Scene], sides: list[_Side], shown: GatePlot | None
     return rows
 
 
-def _value(scene: Scene, shown: GatePlot | None) -> float:
+def _value(scene: Scene, shown: Gate | None) -> float:
     """Return what a gate compared at a step, or without a gate the margin; NaN where there is none."""
     step = scene.step
     if shown is None:
         return np.nan if step.margin is None else step.margin.value
-    one = step.compared(shown.gate.name)
+    one = step.compared(shown.name)
     value = np.nan if one is None else subject_value(step, one)
     return value if np.isfinite(value) else np.nan
 
@@ -205,7 +199,7 @@ def _log_styles(stream: Stream, count: int, extent: Extent | None, partners: Map
             stream.static(f"{plotted}/{name}", line_style(label, color))
 
 
-def _blueprint(steps: int, runs: tuple[Run, Run], extent: Extent | None, shown: GatePlot | None) -> rrb.Blueprint:
+def _blueprint(steps: int, runs: tuple[Run, Run], extent: Extent | None, shown: Gate | None) -> rrb.Blueprint:
     names = [f"{letter}: {run.folder.name}" for letter, run in zip("AB", runs, strict=True)]
     maps = [map_view(f"{name} (pending in brackets)", extent, root) for name, root in zip(names, _ROOTS, strict=True)]
     pages = [
@@ -213,7 +207,7 @@ def _blueprint(steps: int, runs: tuple[Run, Run], extent: Extent | None, shown: 
         for name, root in zip(names, _ROOTS, strict=True)
     ]
     titles = {
-        _PLOT_VALUE: "Relative margin" if shown is None else entities.capital(shown.gate.value),
+        _PLOT_VALUE: "Relative margin" if shown is None else entities.capital(shown.value),
         entities.PLOT_NODES: "Nodes",
         entities.PLOT_QUALITY: "Share unassigned",
     }

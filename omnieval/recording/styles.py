@@ -11,7 +11,7 @@ from omnieval import palette
 from omnieval.mapping.interface import Method
 from omnieval.mapping.step import Role
 from omnieval.recording import entities
-from omnieval.recording.entities import CurveEntities, gate_plots
+from omnieval.recording.entities import gate_plot, plotted_gates
 from omnieval.recording.viewport import Extent, map_window
 
 Style = rr.AsComponents | list[rr.DescribedComponentBatch]
@@ -96,9 +96,9 @@ SERIES = {
 def series(method: Method) -> dict[str, tuple[str, int]]:
     """Return the lines of all plots over the run: those that the mapper declares, and those that every mapper has."""
     lines: dict[str, tuple[str, int]] = {}
-    for plot in gate_plots(method):
-        lines[plot.value] = (plot.gate.value, VALUE_COLOR)
-        lines[plot.threshold] = (plot.gate.threshold, REFUSED_COLOR)
+    for gate in plotted_gates(method):
+        lines[f"{gate_plot(gate)}/value"] = (gate.value, VALUE_COLOR)
+        lines[f"{gate_plot(gate)}/threshold"] = (gate.threshold, REFUSED_COLOR)
     for column in method.columns:
         if column.plotted:
             lines[entities.column_plot(column.name)] = (column.meaning, MEASURED_COLOR)
@@ -138,12 +138,13 @@ def styles(method: Method, steps: int, extent: Extent | None = None) -> Iterator
     yield entities.LANE_FINAL, lane
     yield entities.WHY, MARKDOWN
     bars = {entities.PASSING: ACCEPTED_COLOR, entities.REFUSED: UNASSIGNED_COLOR, entities.BAND: BAND_COLOR}
-    for curve in map(CurveEntities.of, method.curves):
-        bars |= {curve.curve: CURVE_COLOR, curve.best: BEST_COLOR, curve.level: BAND_COLOR}
+    for curve in map(entities.curve, method.curves):
+        bars |= {f"{curve}/curve": CURVE_COLOR, f"{curve}/best": BEST_COLOR, f"{curve}/threshold": BAND_COLOR}
     for entity, color in bars.items():
         yield entity, _bar_color(color)
-    for plot in gate_plots(method)[:1]:
-        yield plot.missed, rr.SeriesPoints(colors=MISSED_COLOR, names="missed loop closure", marker_sizes=2.5)
+    for gate in plotted_gates(method)[:1]:
+        marks = rr.SeriesPoints(colors=MISSED_COLOR, names="missed loop closure", marker_sizes=2.5)
+        yield f"{gate_plot(gate)}/missed", marks
     for entity, (label, color) in series(method).items():
         yield entity, line_style(label, color)
 

@@ -14,7 +14,6 @@ from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Match, Role
 from omnieval.recording import entities
 from omnieval.recording.charts import CEILING, CURVE_BARS, Charts, bar_rows, pooled_bars
-from omnieval.recording.entities import CurveEntities
 from omnieval.recording.rows import Scalar
 from omnieval.recording.styles import OUTCOME_COLORS, UNASSIGNED_COLOR, node_color, series
 from tests.recording.replays import (
@@ -33,7 +32,7 @@ from tests.recording.replays import (
     steps,
 )
 
-SIMILARITY, POSITION, ORIENTATION = map(CurveEntities.of, METHOD.curves)
+SIMILARITY, POSITION, ORIENTATION = map(entities.curve, METHOD.curves)
 MISSED = "/plot/gate/prominence/missed"
 
 
@@ -69,28 +68,42 @@ def test_a_short_curve_is_drawn_image_by_image():
 def test_curves_are_drawn_with_best_image_and_the_level_it_has_to_reach():
     rows = drawn(step(40, "assigned", Role.JOINED, 1, curves=curves(40, best=7, level=0.75)))
     for curve in (SIMILARITY, POSITION, ORIENTATION):
-        assert rows[curve.curve].heights.max() == 1.0
-        best = rows[curve.best]
+        assert rows[f"{curve}/curve"].heights.max() == 1.0
+        best = rows[f"{curve}/best"]
         assert best.left[0] <= 7 < best.left[0] + best.width[0]
-    assert (rows[SIMILARITY.level].heights.tolist(), rows[SIMILARITY.level].width.tolist()) == ([0.75], [40.0])
-    assert not {POSITION.level, ORIENTATION.level} & set(rows)
+    assert (rows[f"{SIMILARITY}/threshold"].heights.tolist(), rows[f"{SIMILARITY}/threshold"].width.tolist()) == (
+        [0.75],
+        [40.0],
+    )
+    assert not {f"{POSITION}/threshold", f"{ORIENTATION}/threshold"} & set(rows)
 
 
 def test_no_level_is_drawn_where_nothing_is_asked():
-    assert len(drawn(step(9, "assigned", Role.JOINED, 1, curves=curves(40, level=None)))[SIMILARITY.level].heights) == 0
+    assert (
+        len(
+            drawn(step(9, "assigned", Role.JOINED, 1, curves=curves(40, level=None)))[f"{SIMILARITY}/threshold"].heights
+        )
+        == 0
+    )
 
 
 def test_what_a_step_has_none_of_is_cleared():
     rows = drawn(step(0, "initial", Role.FOUNDING, 1))
-    assert set(rows) >= {SIMILARITY.curve, ORIENTATION.best, entities.PASSING, entities.REFUSED, entities.BAND}
+    assert set(rows) >= {
+        f"{SIMILARITY}/curve",
+        f"{ORIENTATION}/best",
+        entities.PASSING,
+        entities.REFUSED,
+        entities.BAND,
+    }
     assert all(len(row.heights) == 0 for row in rows.values())
 
 
 def test_a_curve_that_is_zero_or_was_not_declared_hurts_nobody():
     flat = dataclasses.replace(curves(4), values={"similarity": np.zeros(4), "other": np.ones(4)})
     rows = drawn(step(9, "assigned", Role.JOINED, 1, curves=flat))
-    assert rows[SIMILARITY.curve].heights.tolist() == [0.0] * 4
-    assert len(rows[POSITION.curve].heights) == 0
+    assert rows[f"{SIMILARITY}/curve"].heights.tolist() == [0.0] * 4
+    assert len(rows[f"{POSITION}/curve"].heights) == 0
 
 
 def test_every_node_has_a_bar_at_its_number():

@@ -88,3 +88,25 @@ def test_partners_have_the_same_colour(runs, tmp_path):
 def test_a_place_that_cannot_be_written_is_refused(runs, agreed, tmp_path):
     with pytest.raises(ResultError, match="cannot record to"):
         record_pair(tmp_path / "none" / "both.rrd", runs[0], runs[1], agreed)
+
+
+def test_a_pair_that_cannot_be_written_whole_leaves_the_one_that_is_there(runs, agreed, tmp_path, monkeypatch):
+    path = tmp_path / "both.rrd"
+    path.write_bytes(b"earlier")
+
+    def full(descriptor, block):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("omnieval.recording.pipe.os.write", full)
+    with pytest.raises(ResultError, match=r"cannot write .*both\.rrd: recording stopped: .* No space left"):
+        record_pair(path, runs[0], runs[1], agreed)
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("both.rrd", b"earlier")]
+
+
+def test_runs_of_two_mappers_are_held_against_each_other_by_their_margins(runs, panoramas, tmp_path):
+    other = replay(panoramas, mapper="leader", out=tmp_path / "leader")
+    agreed = agreement(runs[0], other)
+    assert agreed is not None
+    both = record_pair(tmp_path / "both.rrd", runs[0], other, agreed)
+    margins = column(both, "/plot/value/b", "Scalars:scalars")
+    assert margins[40] == [other.steps["margin"][40]]

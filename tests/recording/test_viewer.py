@@ -94,11 +94,23 @@ def test_the_viewer_is_given_the_recordings_and_the_loopback_address(monkeypatch
 
 @needs_scripts
 def test_a_viewer_that_cannot_start_says_why(monkeypatch, tmp_path, recording):
-    stand_in(monkeypatch, tmp_path, "print('no display'); print(); sys.exit(3)")
-    with pytest.raises(OmnievalError, match="cannot start: no display"):
+    stand_in(monkeypatch, tmp_path, "print('no driver'); print(); sys.exit(3)")
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(OmnievalError, match="cannot start: no driver"):
         open_viewer([recording])
-    with pytest.raises(OmnievalError, match="cannot start: no display"):
+    with pytest.raises(OmnievalError, match="cannot start: no driver"):
         start_viewer()
+
+
+@needs_scripts
+@pytest.mark.skipif(sys.platform == "darwin", reason="has a display without saying so")
+def test_a_viewer_without_a_display_says_so_and_names_no_source_file(monkeypatch, tmp_path, recording):
+    stand_in(monkeypatch, tmp_path, "print('Error: winit /root/.cargo/registry/src/lib.rs:42'); sys.exit(1)")
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(OmnievalError, match="cannot start: there is no display") as error:
+        open_viewer([recording])
+    assert "winit" not in str(error.value)
 
 
 def test_a_viewer_that_is_not_there_says_so(monkeypatch, tmp_path, recording):
