@@ -33,7 +33,7 @@ from pathlib import Path, PurePath
 from types import CodeType, ModuleType
 from typing import Any, Literal
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from omnieval.errors import ConfigError, ResultError
 from omnieval.wording import did_you_mean, shown
@@ -160,6 +160,9 @@ class Component:
             return self
         try:
             now = resolve_component(self.kind, self.spec or "", self.settings) if self.spec else None
+        except ValidationError as error:
+            faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
+            raise ResultError(f"the {self.kind} {self.name} cannot be made again: {faults}") from error
         except ConfigError as error:
             raise ResultError(f"the {self.kind} {self.name} cannot be made again: {error}") from error
         if now is None:
@@ -435,8 +438,10 @@ def _spec_of(cls: Any) -> str | None:
     if "<locals>" in cls.__qualname__ or module is None:
         return None
     file = getattr(module, "__file__", None)
+    if file is None:
+        return None
     if cls.__module__ == "__main__" or cls.__module__.startswith(_PREFIX):
-        return f"{Path(file).resolve()}:{cls.__qualname__}" if file is not None else None
+        return f"{Path(file).resolve()}:{cls.__qualname__}"
     return f"{cls.__module__}:{cls.__qualname__}"
 
 
@@ -604,10 +609,13 @@ def _own_source(cls: Any) -> dict[str, Any]:
             used = [*one.__bases__, *own.values()]
         else:
             found[one.__qualname__] = _source_of(one)
-            names = {name for code in _codes(one.__code__) for name in code.co_names}
-            used = [one.__globals__[name] for name in sorted(names & one.__globals__.keys())]
-            plain = {name: one.__globals__[name] for name in names & one.__globals__.keys()}
-            found |= {name: _told(value) for name, value in plain.items() if not inspect.ismodule(value)}
+            names = {name for code in _codes(one.__code__) for name in code.co_names} & one.__globals__.keys()
+            used = [one.__globals__[name] for name in sorted(names)]
+            found |= {
+                name: _told(one.__globals__[name])
+                for name in names
+                if not _is_code(one.__globals__[name]) and not inspect.ismodule(one.__globals__[name])
+            }
         waiting += [value for value in used if _is_code(value) and value.__module__ == cls.__module__]
     return found
 
