@@ -14,23 +14,26 @@ for a file) that it imports, directly or not.
 from __future__ import annotations
 
 import ast
+import copy
+import dataclasses
 import hashlib
 import importlib
 import importlib.util
 import inspect
 import json
-import marshal
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
+from importlib.machinery import FileFinder, ModuleSpec, SourceFileLoader
 from importlib.metadata import entry_points
-from pathlib import Path
-from types import ModuleType
+from pathlib import Path, PurePath
+from types import CodeType, ModuleType
 from typing import Any, Literal
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from omnieval.errors import ConfigError, ResultError
 from omnieval.wording import did_you_mean, shown
@@ -157,6 +160,9 @@ class Component:
             return self
         try:
             now = resolve_component(self.kind, self.spec or "", self.settings) if self.spec else None
+        except ValidationError as error:
+            faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
+            raise ResultError(f"the {self.kind} {self.name} cannot be made again: {faults}") from error
         except ConfigError as error:
             raise ResultError(f"the {self.kind} {self.name} cannot be made again: {error}") from error
         if now is None:
@@ -202,21 +208,21 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
         If a setting is unknown or invalid.
     """
     if isinstance(chosen, Component):
+        if chosen.kind != kind:
+            raise ConfigError(f"{chosen.name} is no {kind} but a {chosen.kind}")
         return chosen
     if not isinstance(chosen, str) and not inspect.isclass(chosen):
         return _of_object(kind, chosen)
     spec = canonical_spec(chosen) if isinstance(chosen, str) else _spec_of(chosen)
     cls = find_class(kind, chosen) if isinstance(chosen, str) else chosen
     _check(kind, cls, str(chosen))
-    model = settings_model(cls)
+    model, plain = settings_model(cls), dict(settings or {})
     if model is not None:
-        plain = model.model_validate(dict(settings or {})).model_dump(mode="json")
-        weights = _weights(cls, kind, spec or cls.__name__, plain)
-        return Component(kind, name_of(cls), spec, plain, code_digest(cls), weights)
-    component = _of_object(kind, _instance(cls, kind, spec or cls.__name__, settings or {}))
-    if isinstance(chosen, str) or spec is not None:
-        return Component(kind, component.name, spec, component.settings, component.code, component.weights)
-    return component
+        plain = model.model_validate(plain).model_dump(mode="json")
+    if spec in BUILT_IN[kind]:  # nothing but their settings and code tells them apart
+        return Component(kind, name_of(cls), spec, plain, code_digest(cls))
+    made = _of_object(kind, _instance(cls, kind, spec or cls.__name__, plain))
+    return made if spec is None else dataclasses.replace(made, spec=spec, given=None)
 
 
 def canonical_spec(spec: str) -> str:
@@ -271,12 +277,28 @@ def digest_of(content: Any) -> str:
 
 
 def code_digest(cls: Any) -> str:
-    """Return the digest of the source code of a class: of its module, and of what this imports from beside it."""
+    """Return the digest of the source code of a class: of its module, and of what this imports from beside it.
+
+    It is that of the code that runs: a module that was edited after it was loaded still runs as it was.
+    """
     module = sys.modules.get(cls.__module__)
     file = getattr(module, "__file__", None)
     if file is None or not Path(file).is_file():
         return digest_of(_own_source(cls))
-    return files_digest(tuple(sorted(_closure(Path(file), cls.__module__))), _root(Path(file), cls.__module__))
+    # Loading a module again gives it another spec.
+    modules = [vars(one) for one in list(sys.modules.values()) if inspect.ismodule(one)]
+    loaded = {one.get("__file__"): one.get("__spec__") for one in modules}
+    known, files, digest = _DIGESTS.get(cls.__module__, (None, {}, ""))
+    if known is module and all(spec is None or loaded.get(one) is spec for one, spec in files.items()):
+        return digest
+    found = sorted(_closure(Path(file), cls.__module__))
+    digest = files_digest(tuple(found), _root(Path(file), cls.__module__))
+    _DIGESTS[cls.__module__] = module, {str(one): loaded.get(str(one)) for one in found}, digest
+    return digest
+
+
+_DIGESTS: dict[str, tuple[Any, dict[str, Any], str]] = {}
+"""By module: the module, the files of its code with what they were loaded as, and their digest."""
 
 
 def files_digest(files: tuple[Path, ...], root: Path) -> str:
@@ -295,13 +317,53 @@ def module_digest(name: str) -> str:
 
 
 def plain_settings(given: Any) -> dict[str, Any]:
-    """Return the settings of an object as plain values; where it says none, its public attributes that are plain."""
+    """Return the settings of an object as plain values; where it says none, all that it holds, told in plain values."""
+    model = settings_model(type(given))
     settings = getattr(given, "settings", None)
+    if model is not None and not isinstance(settings, model):
+        settings = next((value for value in _held(given).values() if isinstance(value, model)), settings)
     if isinstance(settings, BaseModel):
         return settings.model_dump(mode="json")
     if isinstance(settings, Mapping):
-        return dict(settings)
-    return {name: value for name, value in vars(given).items() if not name.startswith("_") and _plain(value)}
+        return copy.deepcopy(dict(settings))
+    told = {name: _told(value) for name, value in _held(given).items()}
+    return {name: value for name, value in told.items() if value not in ([], {})}  # which a new object fills later
+
+
+def _held(given: Any) -> dict[str, Any]:
+    """Return the attributes of an object."""
+    slots = [name for cls in type(given).__mro__ for name in getattr(cls, "__slots__", ()) if hasattr(given, name)]
+    return {**{name: getattr(given, name) for name in slots if name != "__dict__"}, **getattr(given, "__dict__", {})}
+
+
+def _told(value: Any, around: tuple[Any, ...] = ()) -> Any:
+    """Return plain values that differ where values do, as far as can be told; `around` is what holds it."""
+    if any(value is one for one in around):
+        return "itself"
+    inside = (*around, value)
+    if isinstance(value, Mapping):
+        return {str(name): _told(one, inside) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_told(one, inside) for one in value]
+    if value is None or isinstance(value, str | int | float):
+        return value if _plain(value) else repr(value)
+    return _told_object(value, inside)
+
+
+def _told_object(value: Any, inside: tuple[Any, ...]) -> Any:
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
+    if hasattr(value, "dtype") and hasattr(value, "tobytes"):  # of NumPy, which need not be loaded for this
+        digest = hashlib.blake2b(value.tobytes(), digest_size=16).hexdigest()
+        return f"{value.dtype} {value.shape} {digest}" if value.size else []
+    if isinstance(value, PurePath):
+        return str(value)
+    if inspect.isroutine(value) or inspect.isclass(value):
+        return f"{value.__module__}:{value.__qualname__}"
+    told = {"class": f"{type(value).__module__}:{type(value).__qualname__}"}
+    if dataclasses.is_dataclass(value) or any(hasattr(value, work) for work in _WORK.values()):
+        told |= {name: _told(one, inside) for name, one in _held(value).items()}
+    return told
 
 
 def _of_object(kind: Kind, given: Any) -> Component:
@@ -320,20 +382,20 @@ def _check(kind: Kind, cls: Any, what: str) -> None:
 
 
 def _instance(cls: Any, kind: Kind, what: str, settings: Mapping[str, Any], **more: Any) -> Any:
-    """Return a new object with these settings; a class that declares no `Settings` may take them as keywords."""
+    """Return a new object with these settings; the constructor of a class without `Settings` may take some by name."""
     model = settings_model(cls)
     if model is not None:
         return _construct(cls, kind, what, model.model_validate(dict(settings)), **more)
-    made = None if settings and _takes(cls, settings) else _construct(cls, kind, what, **more)
-    return _construct(cls, kind, what, **settings, **more) if made is None else made
-
-
-def _takes(cls: Any, settings: Mapping[str, Any]) -> bool:
-    try:
-        inspect.signature(cls).bind_partial(**settings)
-    except (TypeError, ValueError):
-        return False
-    return True
+    taken = inspect.signature(cls).parameters
+    by_name = {name.lstrip("_"): value for name, value in settings.items()}
+    made = _construct(cls, kind, what, **{name: by_name[name] for name in taken if name in by_name}, **more)
+    now = plain_settings(made)
+    if lost := [name for name, value in settings.items() if now.get(name) != value]:
+        raise ConfigError(
+            f"{kind} {shown(what)} cannot be made with the {', '.join(lost)} it had; let its constructor take "
+            f"{'it' if len(lost) == 1 else 'them'}, or declare Settings"
+        )
+    return made
 
 
 def _construct(cls: Any, kind: Kind, what: str, *arguments: Any, **more: Any) -> Any:
@@ -345,18 +407,11 @@ def _construct(cls: Any, kind: Kind, what: str, *arguments: Any, **more: Any) ->
         ) from error
 
 
-def _weights(cls: Any, kind: Kind, what: str, settings: Mapping[str, Any]) -> str | None:
-    """Return the digest of the weights of a class with settings; only one that says so has any."""
-    if not hasattr(cls, "weights"):
-        return None
-    return _file_digest(getattr(_instance(cls, kind, what, settings), "weights", None))
-
-
 def _file_digest(file: Any) -> str | None:
     if file is None:
         return None
     try:
-        with Path(file).open("rb") as stream:
+        with Path(file).expanduser().open("rb") as stream:
             return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
     except OSError as error:
         raise ConfigError(f"cannot read the weights {file}: {error.strerror or error}") from error
@@ -389,8 +444,10 @@ def _spec_of(cls: Any) -> str | None:
     if "<locals>" in cls.__qualname__ or module is None:
         return None
     file = getattr(module, "__file__", None)
+    if file is None:
+        return None
     if cls.__module__ == "__main__" or cls.__module__.startswith(_PREFIX):
-        return f"{Path(file).resolve()}:{cls.__qualname__}" if file is not None else None
+        return f"{Path(file).resolve()}:{cls.__qualname__}"
     return f"{cls.__module__}:{cls.__qualname__}"
 
 
@@ -405,28 +462,64 @@ _PREFIX = "omnieval_component_"
 
 
 def _module_of_file(kind: Kind, spec: str, file: Path) -> ModuleType:
-    """Return the module of a file; another one when the file has changed."""
+    """Return the module of a file; another one when the file has changed, or what it imports from beside it."""
     path = file.expanduser().resolve()
     try:
-        name = _PREFIX + digest_of([str(path), path.read_text("utf-8", "replace")])
+        beside = _closure(path, _PREFIX)
+        name = _PREFIX + digest_of([str(path), files_digest(tuple(sorted(beside)), path.parent)])
     except OSError as error:
         raise ConfigError(f"{kind} {shown(spec)!r}: cannot read {path}: {error.strerror or error}") from error
     if name in sys.modules:
         return sys.modules[name]
-    found = importlib.util.spec_from_file_location(name, path)
-    assert found is not None
-    assert found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    sys.modules[name] = module
-    sys.path.insert(0, str(path.parent))  # as where a script is run: it may import what lies beside it
-    try:
-        found.loader.exec_module(module)
-    except Exception as error:  # whatever the code of others raises when it is run
-        del sys.modules[name]
-        raise ConfigError(f"{kind} {shown(spec)!r} cannot be imported: {type(error).__name__}: {error}") from error
-    finally:
-        sys.path.remove(str(path.parent))
+    loader = _Source(name, str(path))
+    module = importlib.util.module_from_spec(ModuleSpec(name, loader, origin=str(path)))
+    module.__file__ = str(path)
+    with _importing_from(path.parent, {one.relative_to(path.parent).parts[0].removesuffix(".py") for one in beside}):
+        sys.modules[name] = module
+        try:
+            loader.exec_module(module)
+        except Exception as error:  # whatever the code of others raises when it is run
+            del sys.modules[name]
+            raise ConfigError(f"{kind} {shown(spec)!r} cannot be imported: {type(error).__name__}: {error}") from error
     return module
+
+
+class _Source(SourceFileLoader):
+    """Loads a module from its source: bytecode is taken for current by size and seconds, which an edit may keep."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
+class _Beside:
+    """Finds the modules beside a file before all others, as where a script is run."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = str(folder)
+
+    def find_spec(self, name: str, path: Sequence[str] | None = None, target: Any = None) -> ModuleSpec | None:
+        """See `importlib.abc.MetaPathFinder`."""
+        del target
+        folders = [self._folder] if path is None else [one for one in path if one.startswith(self._folder)]
+        finders = (FileFinder(folder, (_Source, [".py"])) for folder in folders)
+        return next((found for finder in finders if (found := finder.find_spec(name))), None)
+
+
+@contextmanager
+def _importing_from(folder: Path, names: set[str]) -> Iterator[None]:
+    """Let the modules of these names be those of a folder; two folders may have other modules of one name."""
+
+    def taken() -> dict[str, ModuleType]:
+        return {name: sys.modules.pop(name) for name in list(sys.modules) if name.partition(".")[0] in names}
+
+    finder, others = _Beside(folder), taken()
+    sys.meta_path.insert(0, finder)
+    try:
+        yield
+    finally:
+        sys.meta_path.remove(finder)
+        taken()
+        sys.modules.update(others)
 
 
 def _root(file: Path, module: str) -> Path:
@@ -443,6 +536,8 @@ def _root(file: Path, module: str) -> Path:
 def _closure(file: Path, module: str) -> set[Path]:
     """Return a source file and all below its root that it imports, directly or not."""
     root = _root(file, module)
+    if root.name in _INSTALLED and root == file.parent:
+        return {file}  # beside it lie the packages of others
     inside = module.partition(".")[0] if "." in module else None
     found: set[Path] = set()
     waiting = [file]
@@ -470,7 +565,7 @@ def _imported(file: Path, root: Path) -> Iterator[str]:
     """Yield the names that a source file imports, as modules or from them, but for the type checker alone."""
     try:
         tree = ast.parse(file.read_text("utf-8", "replace"))
-    except SyntaxError:
+    except (SyntaxError, ValueError):  # whoever imports it will say so
         return
     package = file.relative_to(root).parent.parts
     waiting: list[ast.AST] = [tree]
@@ -496,14 +591,59 @@ def _files(name: str, root: Path, inside: str | None) -> Iterator[Path]:
         return
     path = root.joinpath(*parts)
     for file in (path.with_suffix(".py"), path / "__init__.py"):
-        if file.is_file() and file != root / (inside or "") / "__init__.py":
+        if file.is_file() and file != _LAZY:
             yield file
 
 
-def _own_source(cls: Any) -> Any:
-    """Return the source of a class that has no file, such as one of a notebook; its compiled code if that is all."""
+_LAZY = Path(__file__).with_name("__init__.py")
+"""Names everything there is without loading it."""
+_INSTALLED = {"site-packages", "dist-packages"}
+
+
+def _own_source(cls: Any) -> dict[str, Any]:
+    """Return the source of a class that has no file, such as one of a notebook, and of what it uses from beside it."""
+    found: dict[str, Any] = {}
+    waiting = [cls]
+    while waiting:
+        one = waiting.pop()
+        if one.__qualname__ in found:
+            continue
+        if inspect.isclass(one):
+            own = {name: getattr(value, "__func__", value) for name, value in vars(one).items()}
+            own |= {name: value.fget for name, value in own.items() if isinstance(value, property)}
+            found[one.__qualname__] = {name: _told(value) for name, value in own.items() if not name.startswith("__")}
+            used = [*one.__bases__, *own.values()]
+        else:
+            found[one.__qualname__] = _source_of(one)
+            names = {name for code in _codes(one.__code__) for name in code.co_names} & one.__globals__.keys()
+            used = [one.__globals__[name] for name in sorted(names)]
+            found |= {
+                name: _told(one.__globals__[name])
+                for name in names
+                if not _is_code(one.__globals__[name]) and not inspect.ismodule(one.__globals__[name])
+            }
+        waiting += [value for value in used if _is_code(value) and value.__module__ == cls.__module__]
+    return found
+
+
+def _is_code(value: Any) -> bool:
+    return inspect.isclass(value) or inspect.isfunction(value)
+
+
+def _source_of(function: Any) -> Any:
+    """Return the source of a function; what it was compiled to if that is all."""
     try:
-        return inspect.getsource(cls)
+        return inspect.getsource(function)
     except (OSError, TypeError):
-        functions = {name: value for name, value in vars(cls).items() if inspect.isfunction(value)}
-        return {name: hashlib.blake2b(marshal.dumps(one.__code__)).hexdigest() for name, one in functions.items()}
+        return [
+            [code.co_code.hex(), repr([one for one in code.co_consts if not inspect.iscode(one)]), code.co_names]
+            for code in _codes(function.__code__)
+        ]
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Yield compiled code and all that lies within."""
+    yield code
+    for one in code.co_consts:
+        if inspect.iscode(one):
+            yield from _codes(one)

@@ -11,9 +11,8 @@ Every function raises AssertionError with one line that says what the contract a
 of the object under test passes through.
 """
 
-from omnieval.mapping.interface import IncrementalMapper
 from omnieval.testing.dataset import check_dataset
 from omnieval.testing.descriptor import check_descriptor
 from omnieval.testing.mapper import check_mapper
 
-__all__ = ["IncrementalMapper", "check_dataset", "check_descriptor", "check_mapper"]
+__all__ = ["check_dataset", "check_descriptor", "check_mapper"]

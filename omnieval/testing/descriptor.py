@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 from scipy.ndimage import gaussian_filter
 
+from omnieval.components import name_of, plain_settings
 from omnieval.descriptors.description import Description, Descriptor
 from omnieval.errors import ConfigError
 from omnieval.testing.contract import require, same
@@ -20,8 +22,8 @@ def check_descriptor(
 ) -> None:
     """Check that a descriptor keeps its contract.
 
-    - `name` is a plain word and `settings` can be written as JSON (they are the cache key and the run's identity);
-      describing changes neither.
+    - `name`, if it has one, is a plain word, and `settings` can be written as JSON (they are part of the cache key and
+      of the run's identity); describing changes neither.
     - `describe` returns a `Description` of finite float32 arrays, position (d,) and orientation (cells, bins), of the
       same shapes for panoramas of one size; black, grey and white panoramas included.
     - Pure: the panorama is not changed, equal panoramas give equal arrays to the bit, whatever was described in
@@ -49,8 +51,8 @@ def check_descriptor(
     images = _panoramas() if panoramas is None else list(panoramas)
     if len(images) < 2:
         raise ConfigError(f"check_descriptor needs at least two panoramas, got {len(images)}; give more, or none")
-    name, settings = descriptor.name, _settings_text(descriptor)
-    require(isinstance(name, str) and name.replace("-", "_").isidentifier(), f"name must be a plain word, got {name!r}")
+    name, settings = name_of(descriptor), _settings_text(descriptor)
+    require(name.replace("-", "_").isidentifier(), f"name must be a plain word, got {name!r}")
     described = _check_purity(descriptor, images)
     for image, description in zip(images, described, strict=True):
         _check_rotation(descriptor, image, description, tolerance)
@@ -59,7 +61,7 @@ def check_descriptor(
         constant = descriptor.describe(np.full_like(images[0], grey))
         _check_description(constant, f"a panorama of constant grey level {grey}", like=described[0])
     require(
-        (descriptor.name, _settings_text(descriptor)) == (name, settings),
+        (name_of(descriptor), _settings_text(descriptor)) == (name, settings),
         "name and settings must stay as they are, but describing changed them",
     )
 
@@ -76,8 +78,13 @@ def _panoramas() -> list[NDArray[np.uint8]]:
 
 
 def _settings_text(descriptor: Descriptor) -> str:
-    settings = descriptor.settings
-    require(isinstance(settings, dict), f"settings must be a dict, got {type(settings).__name__}")
+    """Return the settings as text: those it declares, else the public attributes of the object."""
+    declared = getattr(descriptor, "settings", {})
+    require(
+        isinstance(declared, Mapping | BaseModel),
+        f"settings must be a dict or a pydantic model, got {type(declared).__name__}",
+    )
+    settings = {name: value for name, value in plain_settings(descriptor).items() if not name.startswith("_")}
     try:
         return json.dumps(settings, sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:

@@ -56,15 +56,15 @@ def test_an_omega_that_cannot_be_set_is_not_advised():
 def test_a_candidate_is_refused_below_its_ratio_unless_x_cannot_go_there():
     few = only(found(Verdict.PROMINENCE, node={1: 2.7, 2: 9.0}, x=2.75), "node")  # x is at least 3.05 - 0.15 * 2
     assert few.needed is None
-    assert few.text == "no omega would no longer make node 1 a candidate: x is 2.75 or more"
+    assert few.text == "no omega would drop node 1 as a candidate: x is 2.75 or more"
     many = only(found(Verdict.PROMINENCE, node=TEN), "node")  # ten nodes: x may go down to 1.55
     assert many.needed == 1.62
-    assert many.text == "omega < 1.62 would no longer make node 1 a candidate"
+    assert many.text == "omega < 1.62 would drop node 1 as a candidate"
 
 
 def test_a_candidate_that_was_chosen_is_spoken_of_rather_than_the_nearest():
-    step = decided(Verdict.ASSIGNED, asked(node={1: 0.4, 4: 1.9}, centroid=(0.01, 0.02)), node=4, match=BEST)
-    assert only(flips(step, METHOD), "node").text == "omega < 1.9 would no longer make node 4 a candidate"
+    step = decided(Verdict.ASSIGNED, asked(node={**TEN, 4: 1.9}, centroid=(0.01, 0.02)), node=4, match=BEST)
+    assert only(flips(step, METHOD), "node").text == "omega < 1.9 would drop node 4 as a candidate"
 
 
 def test_the_centroid_has_no_parameter_and_is_silent_where_it_was_not_compared():

@@ -7,6 +7,7 @@ import pytest
 from omnieval.datasets import load
 from omnieval.errors import ResultError
 from omnieval.explain.refused import refused_closures
+from omnieval.explain.revisit import AGO_STEPS
 from omnieval.loop import replay
 
 
@@ -57,8 +58,9 @@ def test_a_gate_that_shut_out_the_true_place_is_named_by_that_places_node(run_of
     assert len(table)
     for row in table.iter_rows(named=True):
         step = run.steps.row(row["step"], named=True)
-        ratios = dict(zip(step["gate_nodes"], step["gate_ratios"], strict=True))
-        assert row["value"] == ratios[row["match_node"]] > row["threshold"] == step["x_gate"]
+        (gate,) = (one for one in step["comparisons"] if one["gate"] == "node")
+        ratios = dict(zip(gate["of"], gate["values"], strict=True))
+        assert row["value"] == ratios[row["match_node"]] > row["threshold"] == step["x_gate"] == gate["threshold"]
 
 
 def test_only_places_revisited_are_listed_when_asked(strict, table):
@@ -67,8 +69,8 @@ def test_only_places_revisited_are_listed_when_asked(strict, table):
     assert len(late) < len(table)
 
 
-def test_unless_said_otherwise_the_place_was_left_for_as_long_as_a_new_node_takes(strict):
-    assert refused_closures(strict).equals(refused_closures(strict, ago=10))
+def test_unless_said_otherwise_the_place_was_left_long_ago(strict):
+    assert refused_closures(strict).equals(refused_closures(strict, ago=AGO_STEPS))
 
 
 def test_without_poses_there_is_nothing_to_judge_by(panoramas, tmp_path):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from omnieval.descriptors.description import Description
-from omnieval.descriptors.gist import Gist, GistConfig
-from omnieval.descriptors.hog import Hog, HogConfig
+from omnieval.descriptors.gist import Gist, GistSettings
+from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError
 from omnieval.testing import check_descriptor
 
@@ -67,6 +67,21 @@ class Learns(Brightness):
         return super().describe(panorama)
 
 
+class Bare:
+    """Nothing but what a descriptor must have."""
+
+    def describe(self, panorama):
+        return Brightness().describe(panorama)
+
+
+class Counts(Bare):
+    described = 0
+
+    def describe(self, panorama):
+        self.described += 1
+        return super().describe(panorama)
+
+
 class DividesByContrast(Brightness):
     def describe(self, panorama):
         description = super().describe(panorama)
@@ -101,15 +116,19 @@ def with_attributes(**attributes):
     "descriptor",
     [
         Hog(),
-        Hog(HogConfig(kernel="sobel", binning="linear", normalisation="global-l2", orientation_cells=64)),
+        Hog(HogSettings(kernel="sobel", binning="linear", normalisation="global-l2", orientation_cells=64)),
         Gist(),
-        Gist(GistConfig(prefilter="local-contrast", normalisation="global-l2", orientation_width=32, padding=32)),
+        Gist(GistSettings(prefilter="local-contrast", normalisation="global-l2", orientation_width=32, padding=32)),
         Brightness(),
     ],
     ids=lambda descriptor: descriptor.name,
 )
 def test_a_sound_descriptor_passes(descriptor):
     check_descriptor(descriptor)
+
+
+def test_a_descriptor_needs_neither_name_nor_settings():
+    check_descriptor(Bare())
 
 
 def test_panoramas_of_ones_own_can_be_given():
@@ -125,7 +144,7 @@ def test_panoramas_of_ones_own_can_be_given():
         (with_attributes(name="two words"), "name must be a plain word, got 'two words'"),
         (with_attributes(settings={"weights": np.ones(2)}), "settings must be plain values that JSON can hold"),
         (with_attributes(settings={"scale": math.nan}), "settings must be plain values that JSON can hold"),
-        (with_attributes(settings=["stride"]), "settings must be a dict, got list"),
+        (with_attributes(settings=["stride"]), "settings must be a dict or a pydantic model, got list"),
         (ReturnsATuple(), "describe must return a Description"),
         (brightness(position=np.float64), "position descriptor of panorama 0 must be float32, got float64"),
         (brightness(orientation=np.ravel), r"must have 2 dimension\(s\), got shape \(64,\)"),
@@ -136,6 +155,7 @@ def test_panoramas_of_ones_own_can_be_given():
         (Paints(), "describe must not change the panorama, but changed panorama 0"),
         (Remembers(), "equal panoramas must give equal arrays"),
         (Recycles(), "must not be written again by a later call"),
+        (Counts(), "name and settings must stay as they are"),
         (Learns(), "name and settings must stay as they are"),
         (brightness(position=np.zeros_like), "different panoramas must differ, but all have the same position"),
         (brightness(orientation=np.ones_like), "different panoramas must differ, but all have the same orientation"),
@@ -151,7 +171,7 @@ def test_a_broken_descriptor_is_told_what_is_wrong(broken, message):
 
 
 def test_how_much_a_rotation_may_change_is_the_callers_to_say():
-    coarse = Gist(GistConfig(levels=3))  # a cell is 2 columns, half a pixel of its coarsest level
+    coarse = Gist(GistSettings(levels=3))  # a cell is 2 columns, half a pixel of its coarsest level
     with pytest.raises(AssertionError, match="must keep the position descriptor"):
         check_descriptor(coarse)
     check_descriptor(coarse, tolerance=0.01)
