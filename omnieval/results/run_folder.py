@@ -37,13 +37,13 @@ from omnieval.wording import safe_name
 
 KIND = "replay"
 RECORDING = "replay.rrd"
-_PARTIAL_RECORDING = "replay.partial.rrd"
+PARTIAL_RECORDING = "replay.partial.rrd"
 TABLES = ("steps", "nodes", "transitions")
 _PARTS = "parts"
 _PART = "steps-*.parquet"
 _PART_ROWS = 250
 _PART_SECONDS = 2.0
-FILES = (RECORDING, _PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}")
+FILES = (RECORDING, PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}")
 """All that a run writes besides ``run.json``."""
 
 
