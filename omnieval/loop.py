@@ -214,6 +214,10 @@ class _Trace:
         if margin and (self.smallest_margin is None or margin.value < float(self.smallest_margin["value"])):
             self.smallest_margin = {"value": margin.value, "frame": step.frame, "gate": margin.gate}
 
+    def told(self, frames: tuple[Frame, ...], steps: int) -> dict[str, Any]:
+        """Return what ``run.json`` says of a run that came to this many steps, which may be fewer than were traced."""
+        return {"dataset_fingerprint": dataset_fingerprint(frames[:steps], self.digests[:steps])} if steps else {}
+
 
 def _run(
     material: Material,
@@ -226,6 +230,7 @@ def _run(
 ) -> Run:
     started = time.perf_counter()
     trace = _Trace()
+    writer.when_abandoned = lambda: trace.told(material.frames, len(writer.steps()))
     for frame, described, step, milliseconds in _steps(mapper, material):
         trace.add(described, step, milliseconds)
         writer.step(step_row(step, frame, milliseconds))
