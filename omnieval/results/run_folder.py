@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -164,16 +165,13 @@ class RunWriter(ResultFolder):
     overwrite
         Whether an earlier run in `folder` may be replaced. Only files that a run, or the report in it, wrote are
         removed.
-
-    Attributes
-    ----------
-    known_early
-        What to say besides of a run that is left early.
     """
+
+    when_abandoned: Callable[[], dict[str, Any]] | None = None
+    """What ``run.json`` is to say of the steps so far (`steps`) besides, should the run be left before its end."""
 
     def __init__(self, folder: str | Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
         super().__init__(folder, KIND, manifest, files=FILES, overwrite=overwrite)
-        self.known_early: Callable[[], dict[str, Any]] = dict
         self._columns = method_of(manifest).columns
         self._rows: list[dict[str, Any]] = []
         self._written: list[pl.DataFrame] = []
@@ -198,7 +196,7 @@ class RunWriter(ResultFolder):
         """Return the steps so far."""
         with interrupts_wait():
             self._written = [pl.concat([*self._written, steps_frame(self._rows, self._columns)])]
-        self._rows = []
+            self._rows = []  # in here, or an interrupt that has waited comes between, and rows are kept twice
         return self._written[0]
 
     def finish(self, tables: dict[str, pl.DataFrame], manifest: dict[str, Any]) -> Run:
@@ -220,7 +218,13 @@ class RunWriter(ResultFolder):
 
     def _seal(self) -> dict[str, Any]:
         write_table(self.steps(), self.path / "steps.parquet")
-        return {**self.known_early(), "file_digests": self._file_digests()}
+        sealed: dict[str, Any] = {"file_digests": self._file_digests()}
+        # Only here: where the steps could not be written, what can be read of them are others.
+        with contextlib.suppress(Exception):
+            said = self.when_abandoned() if self.when_abandoned else {}
+            json.dumps(said, allow_nan=False)  # what run.json cannot hold would cost it its status
+            sealed = said | sealed
+        return sealed
 
     def _close(self, status: str, content: dict[str, Any]) -> None:
         super()._close(status, content)
@@ -241,8 +245,9 @@ class RunWriter(ResultFolder):
         except OSError as error:
             raise ResultError(f"cannot write {parts}: {error.strerror}") from error
         write_table(part, parts / f"steps-{self._rows[0]['frame']:08d}.parquet")
-        self._written.append(part)
-        self._rows = []
+        with interrupts_wait():
+            self._written.append(part)
+            self._rows = []
         self._last_write = time.monotonic()
 
 
