@@ -75,8 +75,17 @@ class Run:
 
     @property
     def config(self) -> Config:
-        """What was replayed with what."""
-        return Config.of_run(self.manifest)
+        """What was replayed with what.
+
+        Raises
+        ------
+        ResultError
+            If ``run.json`` does not say it.
+        """
+        try:
+            return Config.of_run(self.manifest)
+        except (LookupError, TypeError, ValueError) as error:
+            raise ResultError(f"{self.folder}/run.json is damaged: it does not say what was run; run it again") from error
 
     @property
     def method(self) -> Method:
@@ -134,8 +143,17 @@ class Run:
 
 
 def method_of(manifest: dict[str, Any]) -> Method:
-    """Return the mapper that ``run.json`` tells of."""
-    return Method.model_validate(manifest["mapper"])
+    """Return the mapper that ``run.json`` tells of, which has no words of its own where that tells nothing.
+
+    Raises
+    ------
+    ResultError
+        If it tells what no mapper can be.
+    """
+    try:
+        return Method.model_validate(manifest.get("mapper") or {"name": "unknown"})
+    except ValueError as error:
+        raise ResultError("run.json is damaged: it tells of no mapper that could be; run it again") from error
 
 
 def open_run(folder: str | Path) -> Run:
