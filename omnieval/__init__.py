@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         Role,
         Step,
     )
-    from omnieval.recording.records import RecordingOptions
+    from omnieval.recording import RecordingOptions
     from omnieval.regression.check import check
     from omnieval.report.write import write_report
     from omnieval.results.compare import compare
@@ -79,7 +79,7 @@ _HOMES = {
     "Placement": "mapping.step",
     "Role": "mapping.step",
     "Step": "mapping.step",
-    "RecordingOptions": "recording.records",
+    "RecordingOptions": "recording",
     "check": "regression.check",
     "write_report": "report.write",
     "compare": "results.compare",

@@ -213,7 +213,7 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
         return chosen
     if not isinstance(chosen, str) and not inspect.isclass(chosen):
         return _of_object(kind, chosen)
-    spec = chosen if isinstance(chosen, str) else _spec_of(chosen)
+    spec = canonical_spec(chosen) if isinstance(chosen, str) else _spec_of(chosen)
     cls = find_class(kind, chosen) if isinstance(chosen, str) else chosen
     _check(kind, cls, str(chosen))
     model, plain = settings_model(cls), dict(settings or {})
@@ -223,6 +223,12 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
         return Component(kind, name_of(cls), spec, plain, code_digest(cls))
     made = _of_object(kind, _instance(cls, kind, spec or cls.__name__, plain))
     return made if spec is None else dataclasses.replace(made, spec=spec, given=None)
+
+
+def canonical_spec(spec: str) -> str:
+    """Return what names a class so that it means the same from every folder: with the whole path of a file."""
+    where, colon, name = spec.rpartition(":")
+    return f"{Path(where).expanduser().resolve()}:{name}" if colon and where.endswith(".py") else spec
 
 
 def find_class(kind: Kind, spec: str) -> Any:

@@ -95,8 +95,8 @@ def report_self_test(scratch: str) -> None:
     import omnieval
     from omnieval.datasets.synthetic import synthesize
     from omnieval.errors import ResultError
+    from omnieval.recording import RecordingOptions
     from omnieval.recording.digest import digest
-    from omnieval.recording.records import RecordingOptions
     from omnieval.results.content import folder_hash
     from omnieval.results.run_folder import open_run
 

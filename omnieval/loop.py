@@ -29,7 +29,7 @@ from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Step
 from omnieval.material import ARCHIVE, Cut, Material, Source, opened
 from omnieval.metrics.evaluation import Evaluation, evaluate
-from omnieval.recording.records import RecordingOptions
+from omnieval.recording import RecordingOptions
 from omnieval.results.atomic import replacing
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
 from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.components import BUILT_IN, Component
+from omnieval.components import Component
 from omnieval.config import Config
 from omnieval.datasets import load
 from omnieval.datasets.scan import FARTHEST_M
 from omnieval.datasets.sequence import Frame, Pose, Sequence
 from omnieval.descriptors.archive import Archive, load_archive
-from omnieval.descriptors.cache import DescriptorCache
+from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import DescribedFrame, Describer
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError, DatasetError, ResultError
@@ -155,8 +155,7 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
     """
     cut = cut or Cut()
     if (file := archive_file(source)) is not None:
-        if config.descriptor.spec != next(iter(BUILT_IN["descriptor"])):
-            raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
+        refuse_descriptor(source, config)
         yield _of_archive(file, cut)
         return
     sequence = (source if isinstance(source, Sequence) else load(source)).cut(**dataclasses.asdict(cut))
@@ -166,11 +165,19 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
 
 
 @contextmanager
-def reopened(run: Run) -> Iterator[Material]:
+def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
     """Give what a run replayed, exactly as it was.
 
     Its descriptions end in an error if they turn out not to be those of the run: what was made of them until then must
     not be kept.
+
+    Parameters
+    ----------
+    run
+        A run.
+    describe
+        Whether images are described. Else they are only held against the run's, and their descriptions are empty: for
+        pictures of what nothing can describe any more.
 
     Raises
     ------
@@ -186,7 +193,8 @@ def reopened(run: Run) -> Iterator[Material]:
     if (file := archive_file(source)) is not None:
         yield _of_run(run, _of_archive(file, cut))
         return
-    config = dataclasses.replace(config, descriptor=config.descriptor.again())
+    if describe:
+        config = dataclasses.replace(config, descriptor=config.descriptor.again())
     sequence = load(source).cut(**dataclasses.asdict(cut))
     skipped = None if "skipped" not in manifest else tuple(BadImage(**bad) for bad in manifest["skipped"])
     left_out = {bad.file for bad in skipped or ()}
@@ -194,7 +202,8 @@ def reopened(run: Run) -> Iterator[Material]:
     sequence = dataclasses.replace(sequence, frames=kept, calibration=())
     with DescriptorCache() as cache:
         camera = camera_of(manifest["camera"], image_size(sequence, cache))
-        yield _of_run(run, _of_images(sequence, config, cache, skipped, camera))
+        cells = None if describe else manifest["orientation_cells"]
+        yield _of_run(run, _of_images(sequence, config, cache, skipped, camera, cells))
 
 
 def archive_file(source: Source) -> Path | None:
@@ -205,6 +214,18 @@ def archive_file(source: Source) -> Path | None:
     if text.startswith(ARCHIVE_SCHEME):
         return Path(text.removeprefix(ARCHIVE_SCHEME)).expanduser()
     return Path(text).expanduser() if text.endswith(".npz") else None
+
+
+def refuse_descriptor(source: Source, config: Config) -> None:
+    """Refuse a descriptor that was chosen for an archive.
+
+    Raises
+    ------
+    ConfigError
+        If one was.
+    """
+    if not config.descriptor.is_default:
+        raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
 
 
 def why_unposed(frames: Iterable[Frame]) -> str | None:
@@ -235,19 +256,24 @@ def _of_images(
     cache: DescriptorCache,
     skipped: tuple[BadImage, ...] | None,
     camera: CameraModel | None = None,
+    undescribed_cells: int | None = None,
 ) -> Material:
     refuse_bad(sequence, cache)
     unposed = why_unposed(sequence.frames)
     sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
     camera = camera or resolve_camera(sequence, config.imaging, cache)
-    described = Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
+    described: Iterator[DescribedFrame] = (
+        Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
+        if undescribed_cells is None
+        else _undescribed(sequence.frames)
+    )
     first = next(described)
     return Material(
         name=sequence.name,
         source=sequence.source,
         cut=Cut(*sequence.cut_from),
         descriptor=config.descriptor,
-        cells=len(first.description.orientation),
+        cells=undescribed_cells or len(first.description.orientation),
         frames=sequence.frames,
         positions=sequence.positions,
         unposed=unposed,
@@ -259,6 +285,12 @@ def _of_images(
         pictures=Pictures(sequence.frames, camera),
         cache=cache,
     )
+
+
+def _undescribed(frames: Iterable[Frame]) -> Iterator[DescribedFrame]:
+    nothing = Description(np.zeros(0, np.float32), np.zeros((0, 0), np.float32))
+    for frame in frames:
+        yield DescribedFrame(nothing, image_digest(frame.read()))
 
 
 def _of_archive(file: Path, cut: Cut) -> Material:

@@ -1,33 +1,24 @@
 """The recording of a run again, from its tables and images.
 
-The tables say what was decided; nothing is decided here. Only the similarity curves, which they do not hold, are
-computed again from the descriptions, and checked against the best match that the tables name.
+The tables say what was decided. Only similarity curves, which they do not hold, are computed again, and what leads to
+them is held against the tables; where that cannot be done any more, the recording has none.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from omnieval.config import Config
-from omnieval.datasets import load
-from omnieval.descriptors.cache import DescriptorCache
-from omnieval.descriptors.description import Description, Descriptor
 from omnieval.errors import ResultError
-from omnieval.imaging.soundness import without_bad
-from omnieval.mapping.matching import match_image
-from omnieval.mapping.memory import ImageMemory
-from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Step
-from omnieval.material import ARCHIVE_SCHEME, Material, archive_material, image_material
+from omnieval.material import Material, archive_file, reopened
 from omnieval.metrics.evaluation import Evaluation
-from omnieval.recording.records import RecordingOptions
+from omnieval.recording import RecordingOptions
+from omnieval.remap import remapped
+from omnieval.results.atomic import replacing
+from omnieval.results.folder import hold_folder
 from omnieval.results.run_folder import Run
-from omnieval.results.tables import final_map, step_from_row
+from omnieval.results.tables import final_map, read_steps
 from omnieval.sinks import RecordingSink
 
 
@@ -35,10 +26,12 @@ def render(
     run: Run,
     options: RecordingOptions | None = None,
     *,
-    descriptor: Descriptor | None = None,
     progress: Callable[[int, int], None] | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> Path:
     """Write the recording of a run anew and return where it is.
+
+    The one that is there stays as it is until the new one is whole; if that comes to nothing, for ever.
 
     Parameters
     ----------
@@ -46,94 +39,66 @@ def render(
         A complete or interrupted run.
     options
         How to record.
-    descriptor
-        The descriptor of the run if it was one's own.
     progress
         Called with (steps done, steps in all).
+    note
+        Called with a sentence if curves have to be left out, because the mapper or the descriptor cannot be made again.
 
     Raises
     ------
     DatasetError
-        If the sequence is no longer where the run found it.
+        If the sequence is no longer where the run found it, or an image of it cannot be read.
     ResultError
-        If it has changed since, or the recording cannot be written.
+        If it has changed since, the run is still being written, or the recording cannot be written.
     """
-    config = Config.model_validate(run.manifest["configuration"])
-    with DescriptorCache() as cache:
-        material = _material(run, config, descriptor, cache)
-        sink = RecordingSink(run.recording, material, config, options or RecordingOptions())
-        try:
-            _record_steps(run, material, config, sink, progress)
-            if run.status == "complete":
-                evaluation = Evaluation(run.metrics, run.manifest["null_reasons"])
-                sink.finish(final_map(run.steps, run.nodes), evaluation)
-        finally:
-            sink.close()
-    if sink.failure:
-        raise ResultError(f"the recording {run.recording} is incomplete: {sink.failure}")
+    with hold_folder(run.folder), replacing(run.recording) as temporary:
+        lost = {kind: why for kind in ("descriptor", "mapper") if (why := _lost(run, kind))}
+        if lost and note:
+            note(f"the recording has no similarity curves: {'; '.join(lost.values())}")
+        with reopened(run, describe="descriptor" not in lost) as material:
+            sink = RecordingSink(temporary, material, run.method, options or RecordingOptions())
+            try:
+                _record(run, material, _recorded(run, material) if lost else remapped(run, material), sink, progress)
+            finally:
+                sink.close()
+        if sink.lacking:
+            raise sink.lacking
+        if sink.failure:
+            raise ResultError(f"the recording {run.recording} was not made: {sink.failure}")
     return run.recording
 
 
-class StepBuilder:
-    """Makes whole steps of table rows again, in their order."""
-
-    def __init__(self, config: Config) -> None:
-        self._images = ImageMemory()
-        self._partition = Partition()
-        self._prominence_mean = config.mapper.prominence_mean
-
-    def build(self, row: dict[str, Any], description: Description) -> Step:
-        """Return the step of a row with its match.
-
-        Raises
-        ------
-        ResultError
-            If the description leads to another best match than the row names.
-        """
-        frame = self._images.append(description)
-        step = step_from_row(row)
-        if row["best_frame"] is not None and step.gate is not None:
-            labels = self._partition.labels
-            members = {int(node): np.flatnonzero(labels == node) for node in np.unique(labels[labels > 0])}
-            match = match_image(
-                self._images, frame, members, step.gate.candidates.tolist(), prominence_mean=self._prominence_mean
-            )
-            if match.best_frame != row["best_frame"]:
-                raise ResultError(
-                    f"step {frame}: the best match is image {match.best_frame}, the run found {row['best_frame']}; "
-                    "the images or the descriptor have changed since, so replay the sequence again"
-                )
-            step = dataclasses.replace(step, match=match)
-        self._partition.apply(step)
-        return step
-
-
-def _record_steps(
+def _record(
     run: Run,
     material: Material,
-    config: Config,
+    steps: Iterator[Step],
     sink: RecordingSink,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    steps = run.steps
-    builder = StepBuilder(config)
-    # An interrupted run has fewer rows than the sequence has frames.
-    for row, frame, described in zip(steps.iter_rows(named=True), material.frames, material.described, strict=False):
-        if row["file"] != frame.file:
-            raise ResultError(
-                f"step {row['frame']} of {run.folder} is of {row['file']}, the sequence has {frame.file} there; "
-                "it has changed since, so replay it again"
-            )
-        sink.step(builder.build(row, described.description), frame, row["milliseconds"])
+    milliseconds = run.steps["milliseconds"].to_list()
+    # An interrupted run has fewer steps than the sequence has frames.
+    for step, frame, cost in zip(steps, material.frames, milliseconds, strict=False):
+        sink.step(step, frame, cost)
+        if sink.failure:
+            return
         if progress:
-            progress(row["frame"] + 1, len(steps))
+            progress(step.frame + 1, len(milliseconds))
+    if run.status == "complete":
+        sink.finish(final_map(run.steps, run.nodes), Evaluation(run.metrics, run.manifest["null_reasons"]))
 
 
-def _material(run: Run, config: Config, descriptor: Descriptor | None, cache: DescriptorCache) -> Material:
-    source: str = run.manifest["source"]
-    if source.startswith(ARCHIVE_SCHEME):
-        return archive_material(Path(source.removeprefix(ARCHIVE_SCHEME)))
-    sequence = load(source).cut(**run.manifest["cut"])
-    if "skipped" in run.manifest:
-        sequence, _ = without_bad(sequence)
-    return image_material(sequence, config, descriptor or config.make_descriptor(), cache)
+def _lost(run: Run, kind: str) -> str | None:
+    """Say why a component of a run cannot be made again; None if it can, or is not needed."""
+    if kind == "descriptor" and archive_file(run.manifest["source"]) is not None:
+        return None
+    try:
+        getattr(run.config, kind).again()
+    except ResultError as error:
+        return str(error)
+    return None
+
+
+def _recorded(run: Run, material: Material) -> Iterator[Step]:
+    """Yield the steps of the tables, while the images are held against the fingerprint of the run."""
+    for (step, _), _ in zip(read_steps(run.steps, run.method.columns), material.described, strict=False):
+        yield step

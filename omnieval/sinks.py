@@ -5,25 +5,30 @@ Where and when the image was taken, the pictures, the silhouette so far, the pag
 
 from __future__ import annotations
 
+import threading
 import uuid
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
 
-import numpy as np
-
-from omnieval.config import Config
 from omnieval.datasets.sequence import Frame
 from omnieval.errors import DatasetError
+from omnieval.mapping.interface import Method
 from omnieval.mapping.step import FinalMap, Step
 from omnieval.material import Material
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.metrics.running import SilhouetteSoFar
-from omnieval.recording.aside import Aside, leave_behind
-from omnieval.recording.pictures import step_images
-from omnieval.recording.recorder import Recorder
-from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
+from omnieval.recording import RecordingOptions
+from omnieval.recording.compression import StepImages, step_images
+from omnieval.recording.recorder import Recorder, RecordingInfo
+from omnieval.recording.rerun_stream import leave_behind
+from omnieval.recording.viewport import extent_of
 from omnieval.results.summary import configuration_page, metrics_page
+
+_Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]
 
 _MOST_WAITING = 16
 """Steps that wait to be recorded at a time; bounds the memory, and what a viewer lags behind."""
@@ -42,10 +47,15 @@ class RecordingSink:
         The recording to write; None to show it in a viewer only.
     material
         What is replayed.
-    config
-        With which parameters.
+    method
+        The mapper: its parameters and the words of its evidence.
     options
         How much to record, and who watches.
+
+    Attributes
+    ----------
+    lacking
+        Why a picture is missing; None while none is.
 
     Raises
     ------
@@ -53,24 +63,24 @@ class RecordingSink:
         If the recording cannot be opened.
     """
 
-    def __init__(self, path: Path | None, material: Material, config: Config, options: RecordingOptions) -> None:
+    def __init__(self, path: Path | None, material: Material, method: Method, options: RecordingOptions) -> None:
+        self.lacking: DatasetError | None = None
         self._pictures = material.pictures if options.images else None
         self._silhouette = SilhouetteSoFar(material.positions) if material.positions is not None else None
-        self._page = configuration_page(material.name, material.source, config.mapper.model_dump(mode="json"))
+        self._page = configuration_page(material.name, material.source, _parameters(material, method))
         self._cells = material.cells
-        self._picture_failure: str | None = None
-        self._recorder = Recorder(path, _info(material, config, self._page), options)
-        self._patience = _PATIENCE_S if options.spawn or options.connect is not None else None
+        self._recorder = Recorder(path, _info(material, method, self._page), options)
+        self._patience = _PATIENCE_S if options.spawn or options.connect else None
         self._left: str | None = None
         self._closed = False
-        self._aside = Aside("recorder")
+        self._aside = _Aside("recorder")
         self._painter = ThreadPoolExecutor(1, thread_name_prefix="painter")
         self._waiting: deque[Future[None]] = deque()
 
     @property
     def failure(self) -> str | None:
         """What went wrong first, None if nothing did."""
-        return self._left or self._recorder.failure or self._picture_failure
+        return self._left or self._recorder.failure or (str(self.lacking) if self.lacking else None)
 
     def step(self, step: Step, frame: Frame, milliseconds: float) -> None:
         """Record a step, soon: pictures take longer than decisions, and a core may be idle."""
@@ -118,18 +128,8 @@ class RecordingSink:
             )
 
     def _record(self, step: Step, frame: Frame, milliseconds: float, images: Future[StepImages | None]) -> None:
-        pose = frame.pose
-        view = StepView(
-            step=step,
-            milliseconds=milliseconds,
-            position=(pose.x, pose.y) if pose else None,
-            yaw=pose.yaw if pose and np.isfinite(pose.yaw) else None,
-            room=frame.room,
-            file=frame.file,
-            time_ns=frame.time_ns,
-            silhouette=self._silhouette.apply(step) if self._silhouette else None,
-        )
-        self._recorder.log(view, images=images.result())
+        silhouette = self._silhouette.apply(step) if self._silhouette else None
+        self._recorder.log(step, frame, milliseconds, silhouette=silhouette, pictures=images.result())
 
     def _images(self, step: Step) -> StepImages | None:
         if self._pictures is None or not self._recorder.wants_images(step.frame):
@@ -138,29 +138,59 @@ class RecordingSink:
             return step_images(
                 self._pictures.panorama(step.frame),
                 self._pictures.omnidirectional(step.frame),
-                self._pictures.panorama(step.match.best_frame) if step.match else None,
+                self._pictures.panorama(step.match.frame) if step.match else None,
                 shift=step.match.shift if step.match else 0,
                 cells=self._cells,
             )
         except DatasetError as error:
             # Descriptions come from the cache, so that an image can have gone since; the results do not need it.
-            self._picture_failure = self._picture_failure or str(error)
+            self.lacking = self.lacking or error
             return None
 
 
-def _info(material: Material, config: Config, page: str) -> RecordingInfo:
-    positions = material.positions
-    extent = None
-    if positions is not None:
-        (x_min, y_min), (x_max, y_max) = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
-        extent = (x_min, y_min, x_max, y_max)
+class _Aside:
+    """Makes calls one after another in a thread of its own.
+
+    Unlike the threads of `concurrent.futures`, it does not keep the process from ending when a call never returns.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._calls: SimpleQueue[_Call | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._thread.start()
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Have a call made, after all that were submitted before."""
+        future: Future[Any] = Future()
+        self._calls.put((future, function, arguments))
+        return future
+
+    def end(self) -> None:
+        """Let the thread end when it has made all calls, without waiting for that."""
+        self._calls.put(None)
+
+    def _work(self) -> None:
+        while (call := self._calls.get()) is not None:
+            future, function, arguments = call
+            try:
+                future.set_result(function(*arguments))
+            except BaseException as error:  # whoever waits for the call gets it
+                future.set_exception(error)
+
+
+def _info(material: Material, method: Method, page: str) -> RecordingInfo:
     return RecordingInfo(
-        name=f"{material.name} - {material.descriptor}",
+        name=f"{material.name} - {material.descriptor.name} - {method.name}",
         recording_id=str(uuid.uuid4()),
         steps=len(material.frames),
-        mapper=config.mapper,
+        method=method,
         cells=material.cells,
         description=page,
-        properties={"source": material.source, **config.mapper.model_dump(mode="json")},
-        extent=extent,
+        properties={"source": material.source, **_parameters(material, method)},
+        extent=None if material.positions is None else extent_of(material.positions),
     )
+
+
+def _parameters(material: Material, method: Method) -> dict[str, object]:
+    """Return what distinguishes a run from others over the same images."""
+    return {"mapper": method.name, **method.settings, "descriptor": material.descriptor.name}

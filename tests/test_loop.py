@@ -15,7 +15,7 @@ from omnieval.datasets.sequence import Pose
 from omnieval.descriptors.hog import Hog
 from omnieval.errors import ConfigError, DatasetError, ResultError
 from omnieval.loop import describe_archive, map_archive, replay
-from omnieval.recording.records import RecordingOptions
+from omnieval.recording import RecordingOptions
 from omnieval.render import render
 from omnieval.results.run_folder import open_run
 from omnieval.results.schemas import DECISIONS, NODES, STEPS, TRANSITIONS

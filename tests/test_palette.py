@@ -20,9 +20,9 @@ from omnieval.palette import (
     node_shape,
     shade,
 )
-from omnieval.recording import layout
+from omnieval.recording import styles
 
-PAPERS = ("#ffffff", "#14181d", f"#{layout.BACKGROUND_COLOR >> 8:06x}")
+PAPERS = ("#ffffff", "#14181d", f"#{styles.BACKGROUND_COLOR >> 8:06x}")
 """Of a report, light and dark, and the ground of the viewer's map."""
 # Machado, Oliveira, Fernandes 2009 (doi 10.1109/TVCG.2009.113), severity 1, on linear RGB.
 SIGHTS = {
@@ -63,7 +63,7 @@ def test_all_node_colours_differ_where_a_shape_cannot_help():
 
 
 def test_nodes_have_the_same_colours_in_viewer_and_report():
-    assert [f"{layout.node_color(node):08X}" for node in range(50)] == [
+    assert [f"{styles.node_color(node):08X}" for node in range(50)] == [
         node_color(node)[1:].upper() + "FF" for node in range(50)
     ]
 

@@ -8,9 +8,9 @@ import polars as pl
 import pytest
 
 import omnieval
-from omnieval.errors import ConfigError, RegressionError, ResultError
+from omnieval.errors import ConfigError, DatasetError, RegressionError, ResultError
 from omnieval.loop import describe_archive, replay
-from omnieval.mapping.config import PRESETS
+from omnieval.mapping.roman2020.settings import PRESETS
 from omnieval.regression import judge, report
 from omnieval.regression.cases import Selection, canonical_source, portable_source
 from omnieval.regression.check import check
@@ -50,6 +50,7 @@ def reference(run, tmp_path):
 def rewritten(reference, **changed):
     """The same reference with its case changed."""
     (case,) = read_reference(reference)
+    reference.unlink()
     write_reference((case.model_copy(update=changed),), reference)
     return case
 
@@ -171,6 +172,25 @@ def test_a_case_whose_sequence_is_gone_fails(reference, tmp_path):
     assert found.failed
     assert found.fault is not None
     assert "cannot be replayed" in found.fault
+    error = report.failure([found], reference)
+    assert isinstance(error, DatasetError)  # what cannot be read is no regression
+    assert "--update" not in str(error)
+
+
+def test_maps_that_are_worse_come_before_cases_that_cannot_be_replayed(run, reference, tmp_path):
+    rewritten(reference, nodes=NodeRange(value=50, min=49, max=51))
+    gone = a_case(name="gone", source=f"folder:{tmp_path / 'gone'}")
+    write_reference((gone,), reference)
+    reports = check(reference)
+    assert [found.worse for found in reports] == [True, False]
+    assert isinstance(report.failure(reports, reference), RegressionError)
+    assert report.failure([], reference) is None
+
+
+def test_a_component_that_is_gone_is_an_error_of_configuration(reference, tmp_path):
+    rewritten(reference, mapper=f"{tmp_path / 'gone.py'}:Gone")
+    (found,) = check(reference)
+    assert isinstance(report.failure([found], reference), ConfigError)
 
 
 def test_what_the_reference_has_no_case_for_fails(run, reference, panoramas, tmp_path):
@@ -200,7 +220,7 @@ def test_no_reference_and_an_empty_one_fail(tmp_path):
     with pytest.raises(RegressionError, match="there is no reference"):
         update(tmp_path / "none.toml")
     empty = tmp_path / "empty.toml"
-    empty.write_text("schema_version = 1\n")
+    empty.write_text("schema_version = 2\n")
     with pytest.raises(RegressionError, match="guards nothing"):
         check(empty)
 
@@ -208,8 +228,8 @@ def test_no_reference_and_an_empty_one_fail(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("schema_version = 1", "schema_version = 2", "schema version 2"),
-        ("schema_version = 1", "schema_version = ", "cannot read"),
+        ("schema_version = 2", "schema_version = 1", "schema version 1"),
+        ("schema_version = 2", "schema_version = ", "cannot read"),
         ("silhouette_sq =", "silhouete_sq =", "did you mean silhouette_sq"),
         ("tolerance = 0.02", "tolerance = -0.02", "tolerance"),
         ("nodes = ", "share_pending = ", "nodes"),
@@ -227,8 +247,8 @@ def test_a_faulty_reference_is_refused_by_name(reference, old, new, words):
 
 
 def test_two_cases_of_one_name_are_refused(reference):
-    (case,) = read_reference(reference)
-    write_reference((case, case), reference)
+    text = reference.read_text()
+    reference.write_text(text + text[text.index("[[case]]") :])
     with pytest.raises(ConfigError, match="more than one case"):
         check(reference)
 
@@ -290,7 +310,8 @@ def test_a_replay_that_is_longer_or_shorter_parts_at_the_end(run):
 def test_an_update_makes_a_reference_that_says_where_it_comes_from(run, reference):
     content = tomllib.loads(reference.read_text())
     (case,) = content["case"]
-    assert case["parameters"] == {"descriptor": "hog", **CONFIG}
+    assert case["descriptor"] == "hog"
+    assert case["parameters"] == CONFIG
     nodes = run.metrics["nodes"]
     assert case["expected"]["nodes"] == {"value": nodes, "min": nodes - 1, "max": nodes + 1}
     assert case["expected"]["silhouette"]["value"] == pytest.approx(run.metrics["silhouette"], abs=1e-6)
@@ -300,6 +321,7 @@ def test_an_update_makes_a_reference_that_says_where_it_comes_from(run, referenc
     assert case["made"]["dataset_fingerprint"] == run.manifest["dataset_fingerprint"]
     assert case["made"]["versions"] == run.manifest["versions"]
     assert case["made"]["parameters"]["covariance"] == "diagonal"
+    assert case["made"]["mapper_code"] == run.manifest["mapper"]["code"]
     assert (reference.parent / case["trace"]).stat().st_size < 20_000
 
 
@@ -332,6 +354,101 @@ def test_an_update_keeps_what_people_edit_and_says_what_changed(run, reference):
     assert any(line.startswith("  silhouette 0.123 -> ") for line in lines)
 
 
+def test_comments_and_order_survive_an_update(run, reference):
+    text = reference.read_text()
+    line = next(line for line in text.splitlines() if line.startswith("silhouette_sq"))
+    edited = text.replace(line, f"# squared distances weigh the far ones\n{line}  # loose on purpose", 1)
+    edited = edited.replace("[[case]]", "# the house of 2024\n[[case]]", 1)
+    edited = edited.replace(f"value = {run.metrics['nodes']}, min", f"value = {run.metrics['nodes'] + 1}, min", 1)
+    reference.write_text(edited)
+    update(reference)
+    after = reference.read_text()
+    for comment in ("# squared distances weigh the far ones", "# loose on purpose", "# the house of 2024"):
+        assert comment in after
+    assert after.index("# squared distances") < after.index("silhouette_sq") < after.index("share_assigned")
+
+
+MAPPER = """
+import omnieval
+class {name}(omnieval.Leader):
+    name = "own-leader"
+"""
+DESCRIPTOR = """
+import numpy as np
+import omnieval
+class Rows:
+    def describe(self, panorama):
+        rows = panorama.astype(np.float32).reshape(32, -1).mean(axis=1) * {factor}
+        columns = panorama.astype(np.float32).reshape(-1, 64, 8).mean(axis=(0, 2))
+        return omnieval.Description(rows, columns[:, np.newaxis])
+"""
+
+
+def test_own_components_are_cases_of_their_own(run, reference, panoramas, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(MAPPER.format(name="Own") + DESCRIPTOR.format(factor=1))
+    selection = Selection(omnieval.configure(mapper="own.py:Own", descriptor="own.py:Rows", radius=2.0))
+    (change,) = update(reference, [str(panoramas)], selection=selection)
+    assert change.added
+    first, own = read_reference(reference)
+    assert (own.mapper, own.descriptor, own.parameters) == ("own.py:Own", "own.py:Rows", {"radius": 2.0})
+    assert first.descriptor == "hog"
+    assert not any(found.failed for found in check(reference))
+    (found,) = check(reference, [str(run.folder)])
+    assert found.name == first.name
+
+
+def test_a_changed_descriptor_fails_with_a_warm_cache_as_with_a_cold_one(reference, panoramas, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(DESCRIPTOR.format(factor=1))
+    selection = Selection(omnieval.configure(CONFIG, descriptor="own.py:Rows"))
+    path = tmp_path / "own.toml"
+    update(path, [str(panoramas)], selection=selection)
+    assert not check(path)[0].failed
+    (tmp_path / "own.py").write_text(DESCRIPTOR.format(factor=0))
+    (found,) = check(path)
+    assert found.parting is not None
+    assert "the code of the descriptor is not that the reference was made with" in found.notes
+
+
+def test_a_run_that_no_check_could_replay_is_no_case(panoramas, tmp_path, reference):
+    class Local(omnieval.Leader):
+        name = "local"
+
+    before = reference.read_bytes()
+    out = tmp_path / "local"
+    replay(panoramas, mapper=Local(), out=out)
+    with pytest.raises(ResultError, match="cannot be a case"):
+        update(reference, [str(out)])
+    file = tmp_path / "own.py"
+    file.write_text(MAPPER.format(name="Own"))
+    replay(panoramas, mapper=f"{file}:Own", out=tmp_path / "own")
+    file.write_text(MAPPER.format(name="Own") + "\n# edited\n")
+    with pytest.raises(ResultError, match="code changed"):
+        update(reference, [str(tmp_path / "own")])
+    assert reference.read_bytes() == before
+
+
+def test_what_was_left_out_is_part_of_a_case(panoramas, tmp_path):
+    folder = tmp_path / "with-a-bad-one"
+    folder.mkdir()
+    for image in panoramas.iterdir():
+        (folder / image.name).write_bytes(image.read_bytes())
+    bad = sorted(folder.glob("*.png"))[7]
+    bad.write_bytes(b"no image")
+    out = tmp_path / "run"
+    replay(folder, config=omnieval.configure(CONFIG), out=out, skip_bad=True)
+    path = tmp_path / "skipped.toml"
+    update(path, [str(out)])
+    (case,) = read_reference(path)
+    assert case.skipped == (bad.name,)
+    (found,) = check(path)
+    assert not found.failed
+    assert found.parting is None
+    (found,) = check(path, [str(out)])
+    assert not found.failed
+
+
 def test_an_update_adds_cases_and_leaves_the_others_alone(reference, panoramas):
     (first,) = read_reference(reference)
     selection = Selection(omnieval.configure({**CONFIG, "n_new": 12}), Cut(limit=60))
@@ -344,13 +461,17 @@ def test_an_update_adds_cases_and_leaves_the_others_alone(reference, panoramas):
 
 
 def test_archives_of_descriptors_are_guarded_too(panoramas, tmp_path):
-    describe_archive(omnieval.load(panoramas), tmp_path / "three.npz")
+    describe_archive(panoramas, tmp_path / "three.npz")
     path, archive = tmp_path / "archive.toml", str(tmp_path / "three.npz")
     (change,) = update(path, [archive], selection=Selection(omnieval.configure(CONFIG)))
     assert change.name == "three-map"
     assert not check(path)[0].failed
+    (change,) = update(path, [archive], selection=Selection(omnieval.configure(CONFIG), Cut(limit=40)))
+    assert change.name == "three-map-2"
     with pytest.raises(ConfigError, match="taken as it is"):
-        update(path, [archive], selection=Selection(omnieval.configure(CONFIG), Cut(limit=40)))
+        update(path, [archive], selection=Selection(omnieval.configure(CONFIG, descriptor="gist")))
+    (tmp_path / "three.npz").rename(tmp_path / "gone.npz")
+    assert isinstance(report.failure(check(path), path), DatasetError)
 
 
 def test_sources_in_the_working_directory_are_written_relative(panoramas, tmp_path, monkeypatch):
@@ -365,14 +486,24 @@ def test_sources_in_the_working_directory_are_written_relative(panoramas, tmp_pa
 
 def test_junit_has_a_test_a_value_and_a_failure_a_failed_one(run, reference, tmp_path):
     rewritten(reference, nodes=NodeRange(value=50, min=49, max=51), name='a "name" <&> \x07')
-    reports = (*check(reference, [str(run.folder)]), report.CaseReport("gone", fault="cannot be replayed: gone"))
+    gone_case = report.CaseReport("gone", fault="cannot be replayed: gone", code=3, seconds=1.5)
+    reports = (*check(reference, [str(run.folder)]), gone_case)
     write_junit(reports, tmp_path / "check.xml")
     root = ET.parse(tmp_path / "check.xml").getroot()
     one, gone = root.findall("testsuite")
     assert len(one.findall("testcase")) == int(one.attrib["tests"]) == len(reports[0].outcomes)
     failed = [case.attrib["name"] for case in one.findall("testcase") if case.find("failure") is not None]
     assert failed == ["nodes"]
-    assert one.attrib["failures"] == gone.attrib["failures"] == gone.attrib["tests"] == "1"
+    assert one.attrib["failures"] == gone.attrib["errors"] == gone.attrib["tests"] == "1"
+    assert (gone.attrib["failures"], one.attrib["errors"]) == ("0", "0")
+    assert root.attrib == {
+        "name": "omnieval check",
+        "tests": str(len(reports[0].outcomes) + 1),
+        "failures": "1",
+        "errors": "1",
+        "time": "1.500",
+    }
+    assert all("time" in case.attrib for case in root.iter("testcase"))
 
 
 @pytest.mark.parametrize("name", ["plain", 'quote " and \\ back', "tab\tline\n", "\x7f", "日本 😀", "a.b = c"])
@@ -385,7 +516,7 @@ def test_any_text_survives_the_file(tmp_path, name):
 @pytest.mark.parametrize("path", COMMITTED, ids=lambda path: path.stem)
 def test_committed_references_parse_and_name_traces_that_are_there(path):
     for case in read_reference(path):
-        assert case.config().descriptor == case.parameters["descriptor"]
+        assert case.config().descriptor.name == case.descriptor
         assert case.made is not None
         assert case.trace is not None
         trace = read_trace(path.parent / case.trace)
@@ -395,6 +526,6 @@ def test_committed_references_parse_and_name_traces_that_are_there(path):
 
 def test_the_six_synthetic_cases_are_committed():
     (path,) = [path for path in COMMITTED if path.stem == "synthetic"]
-    found = {(case.source, case.parameters["descriptor"]) for case in read_reference(path)}
+    found = {(case.source, case.descriptor) for case in read_reference(path)}
     lights = ("synthetic:cloudy", "synthetic:night", "synthetic:sunny")
     assert found == {(light, descriptor) for light in lights for descriptor in ("hog", "gist")}

@@ -7,7 +7,7 @@ import pytest
 import omnieval
 from omnieval import sinks
 from omnieval.loop import replay
-from omnieval.recording.records import RecordingOptions
+from omnieval.recording import RecordingOptions
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
 CONNECTED = RecordingOptions(connect="rerun+http://127.0.0.1:1/proxy")
@@ -28,8 +28,8 @@ class Frozen:
         if name == self._at:
             self._thawing.wait()
 
-    def log(self, view, images):
-        self._call(f"step {view.step.frame}")
+    def log(self, step, image, milliseconds, *, silhouette, pictures):
+        self._call(f"step {step.frame}")
 
     def finish(self, final, page):
         self._call("finish")

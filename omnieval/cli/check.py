@@ -29,18 +29,21 @@ def check(
     set_: options.Set = None,
     config: options.ConfigFile = None,
     preset: options.Preset = None,
+    mapper: options.MapperName = None,
     descriptor: options.DescriptorName = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
+    skip_bad: options.SkipBad = False,
     junit: Annotated[Path | None, typer.Option(help="Also write JUnit XML.", metavar="FILE.xml")] = None,
     json: options.Json = False,
 ) -> None:
     """Check that maps are no worse than a reference says: silhouettes, shares, agreement with rooms, number of nodes.
 
     Exits with 4 and a table of expected, got and difference if a guarded value is worse by more than its tolerance,
-    outside its range, or missing, and if there is no reference or no case to compare with. A better value passes.
-    Parameters and cuts select among the cases of a SOURCE, or with --update add one.
+    outside its range, or missing, and if there is no reference or no case to compare with. A better value passes. A
+    case that cannot be replayed is no regression: 3 if its images cannot be read, 2 if its components or parameters
+    are not there. Components, parameters and cuts select among the cases of a SOURCE, or with --update add one.
 
     Examples:
 
@@ -52,7 +55,7 @@ def check(
 
       omnieval check --reference mine.toml --junit check.xml
     """
-    selection = _selection(set_, config, preset, descriptor, start, stride, limit)
+    selection = _selection(set_, config, preset, mapper, descriptor, start, stride, limit, skip_bad=skip_bad)
     if junit:
         _check_junit(junit, update=update)
     if update:
@@ -65,10 +68,9 @@ def _check(reference: Path, targets: list[str], selection: Selection | None, jun
     import polars as pl
 
     from omnieval.cli.console import print_json, print_table, progress
-    from omnieval.errors import RegressionError
     from omnieval.regression.check import check as check_cases
     from omnieval.regression.junit import write_junit
-    from omnieval.regression.report import as_object, explanations, summary, table_rows
+    from omnieval.regression.report import as_object, explanations, failure, table_rows
 
     with progress("checking") as report_progress:
         reports = check_cases(reference, targets, selection=selection, progress=report_progress)
@@ -82,8 +84,8 @@ def _check(reference: Path, targets: list[str], selection: Selection | None, jun
             if lines := list(explanations(report)):
                 print(f"\n{report.name}")
                 print("\n".join(f"  {line}" for line in lines))
-    if any(report.failed for report in reports):
-        raise RegressionError(summary(reports, reference))
+    if (error := failure(reports, reference)) is not None:
+        raise error
 
 
 def _check_junit(junit: Path, *, update: bool) -> None:
@@ -118,16 +120,19 @@ def _selection(
     settings: list[str] | None,
     files: list[Path] | None,
     preset: str | None,
+    mapper: str | None,
     descriptor: str | None,
     start: int,
     stride: int,
     limit: int | None,
+    *,
+    skip_bad: bool,
 ) -> Selection | None:
     """Return what the options select; None when none is given."""
     from omnieval.regression.cases import Selection
     from omnieval.regression.reference import Cut
 
-    if not (settings or files or preset or descriptor) and (start, stride, limit) == (0, 1, None):
+    if not (settings or files or preset or mapper or descriptor or skip_bad) and (start, stride, limit) == (0, 1, None):
         return None
     cut = Cut(start=start, stride=stride, limit=limit)
-    return Selection(options.configuration(settings, files, preset, descriptor), cut)
+    return Selection(options.configuration(settings, files, preset, mapper, descriptor), cut, skip_bad)

@@ -55,7 +55,7 @@ def diff(
             raise ResultError(
                 f"{one} and {other} replay other images; only runs over the same ones are recorded together"
             )
-        from omnieval.recording.pair import record_pair
+        from omnieval.recording.side_by_side import record_pair
 
         record_pair(rrd, *runs, agreed)
         note(f"wrote {rrd}; look at it with: omnieval view {rrd}")

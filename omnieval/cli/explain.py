@@ -70,7 +70,7 @@ def _print_step(run: Run, step: str, *, json: bool) -> None:
     if json:
         scene = explanation.scene
         derived = {"outcome": scene.outcome, "margin": scene.step.margin, "metres": scene.metres}
-        content = {"schema_version": 1, "run": str(run.folder), "frame": frame, **jsonable(explanation)}
+        content = {"schema_version": 1, "run": str(run.folder), "step": frame, **jsonable(explanation)}
         print_json(content | jsonable(derived))
         return
     print(f"step {frame} of {run.folder} (0 to {len(explainer) - 1})")

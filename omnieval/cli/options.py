@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from omnieval.config import Config
     from omnieval.material import Cut
-    from omnieval.recording.records import RecordingOptions
+    from omnieval.recording import RecordingOptions
 
 Source = Annotated[
     str,
@@ -98,7 +98,7 @@ def recording(
 ) -> RecordingOptions | None:
     """Return how to record; None when nothing is to be recorded or shown."""
     from omnieval.errors import ConfigError
-    from omnieval.recording.records import RecordingOptions
+    from omnieval.recording import RecordingOptions
 
     if no_rrd and (spawn or connect is not None):
         raise ConfigError("--no-rrd leaves nothing for --spawn or --connect to show; drop one of them")

@@ -18,11 +18,11 @@ def render(
 
       omnieval render runs/synthetic-cloudy-hog
     """
-    from omnieval.cli.console import progress
-    from omnieval.recording.records import RecordingOptions
+    from omnieval.cli.console import note, progress
+    from omnieval.recording import RecordingOptions
     from omnieval.render import render as rebuild
     from omnieval.results.run_folder import open_run
 
     with progress("rendering") as report:
-        path = rebuild(open_run(run), RecordingOptions(images=not no_images, every=every), progress=report)
+        path = rebuild(open_run(run), RecordingOptions(images=not no_images, every=every), progress=report, note=note)
     print(path)

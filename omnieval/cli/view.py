@@ -10,6 +10,9 @@ import typer
 if TYPE_CHECKING:
     from omnieval.results.run_folder import Run
 
+_KEPT = 8
+"""Recordings of two runs that stay in the cache folder."""
+
 
 def view(
     runs: Annotated[list[Path], typer.Argument(help="Run folders, or recordings (.rrd) of omnieval.", metavar="RUN")],
@@ -26,7 +29,7 @@ def view(
       omnieval view runs/a runs/b
     """
     from omnieval.cli.console import note
-    from omnieval.recording.view import check_recording, open_viewer
+    from omnieval.recording.viewer import check_recording, open_viewer
     from omnieval.results.run_folder import open_run
 
     opened = [open_run(run) for run in runs if not _is_recording(run)]
@@ -54,9 +57,12 @@ def _recording(run: Run) -> Path:
 
 def _side_by_side(one: Run, other: Run) -> Path | None:
     """Record two runs together and return where; None if they are not over the same images."""
+    import hashlib
+    from contextlib import suppress
+
     from omnieval.datasets.cachedir import cache_dir
     from omnieval.errors import ResultError
-    from omnieval.recording.pair import record_pair
+    from omnieval.recording.side_by_side import record_pair
     from omnieval.results.compare import agreement
 
     agreed = agreement(one, other)
@@ -67,4 +73,12 @@ def _side_by_side(one: Run, other: Run) -> Path | None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ResultError(f"cannot write to the cache folder {folder}: {error.strerror}; set OMNIEVAL_CACHE") from error
-    return record_pair(folder / "side-by-side.rrd", one, other, agreed)
+    # Two folders always have the same file, which is replaced whole: nobody who looks at it sees another's.
+    folders = "\0".join(str(run.folder.resolve()) for run in (one, other))
+    name = hashlib.blake2b(folders.encode("utf-8", "surrogateescape"), digest_size=6).hexdigest()
+    path = record_pair(folder / f"side-by-side-{name}.rrd", one, other, agreed)
+    earlier = sorted(folder.glob("side-by-side-*.rrd"), key=lambda file: file.stat().st_mtime, reverse=True)
+    for file in earlier[_KEPT:]:
+        with suppress(OSError):  # somebody else was faster
+            file.unlink()
+    return path

@@ -13,7 +13,7 @@ import pyarrow as pa
 from rerun.chunk import Chunk, RrdReader
 
 from omnieval.errors import ResultError
-from omnieval.recording import layout
+from omnieval.recording import entities
 
 _NOT_CONTENT = frozenset({"log_time", "log_tick", "RecordingInfo:start_time"})
 
@@ -21,7 +21,7 @@ _NOT_CONTENT = frozenset({"log_time", "log_tick", "RecordingInfo:start_time"})
 def digest(path: Path) -> str:
     """Return the digest of a recording's rows, whatever their order and their distribution over chunks.
 
-    Measured durations (`layout.PLOT_COST`) are left out.
+    Measured durations (`entities.PLOT_COST`) are left out.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def digest(path: Path) -> str:
 
 def _rows(chunk: Chunk) -> Iterator[bytes]:
     """Digest every value of a chunk with its entity, component and times."""
-    if chunk.entity_path.startswith(layout.PLOT_COST):
+    if chunk.entity_path.startswith(entities.PLOT_COST):
         return
     batch = chunk.to_record_batch()
     timelines = sorted(set(chunk.timeline_names) - _NOT_CONTENT)

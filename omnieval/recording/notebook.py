@@ -10,11 +10,10 @@ import rerun.notebook
 from rerun.chunk import RrdReader
 
 from omnieval.errors import OmnievalError, ResultError
-from omnieval.explain.run import RunExplainer
-from omnieval.recording import layout
+from omnieval.recording import entities
 from omnieval.recording.blueprint import build_blueprint
-from omnieval.recording.view import check_recording
-from omnieval.recording.window import extent_of
+from omnieval.recording.viewer import check_recording
+from omnieval.recording.viewport import extent_of
 from omnieval.results.run_folder import Run
 
 _SHOWN: WeakKeyDictionary[rerun.notebook.Viewer, rr.RecordingStream] = WeakKeyDictionary()
@@ -45,10 +44,12 @@ def show(run: Run, *, size: tuple[int, int] | None = None) -> rerun.notebook.Vie
     steps = check_recording(run.recording)
     (shown,) = RrdReader(run.recording).recordings()
     # With the id of the file, what the file brings goes into this recording, not into another one beside it.
-    recording = rr.RecordingStream(layout.APPLICATION_ID, recording_id=shown.recording_id, send_properties=False)
+    recording = rr.RecordingStream(
+        entities.application_id(run.method), recording_id=shown.recording_id, send_properties=False
+    )
     extent = extent_of(run.steps.select("x", "y").to_numpy())
     # A viewer in a notebook leaves the blueprint of a file aside.
-    blueprint = build_blueprint(steps, RunExplainer(run).config.gamma, extent)
+    blueprint = build_blueprint(run.method, steps, extent)
     width: int | Literal["auto"]
     height: int | Literal["auto"]
     width, height = size or ("auto", "auto")

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.explain.decision import Decision
+from omnieval.explain.scene import Scene
 from omnieval.mapping.partition import Partition, count_transitions
-from omnieval.mapping.step import Verdict
-from omnieval.recording import layout
-from omnieval.recording.evidence import verdict_color
-from omnieval.recording.rooms import Rooms
+from omnieval.mapping.step import Role
+from omnieval.recording import entities
 from omnieval.recording.rows import NO_SEGMENTS, Arrow, Graph, Points, Row, Segments
+from omnieval.recording.styles import CLOSURES, FAINT_COLOR, ROLE_COLORS, WHITE, node_color
 
-_CLOSURES = {
-    Verdict.ASSIGNED: layout.MAP_ACCEPTED,
-    Verdict.PROMINENCE: layout.MAP_REFUSED,
-    Verdict.CENTROID: layout.MAP_REFUSED,
-}
+_CLOSURES = {Role.JOINED: entities.MAP_ACCEPTED, Role.REFUSED: entities.MAP_REFUSED}
 """Where the line to the best match of an image goes, by what became of it."""
 
 Edges = Sequence[tuple[int, int]]
@@ -48,25 +44,24 @@ class Overview:
         """At which steps how many images were drawn at once, ascending; the later ones are recent from there on."""
         return dict(self._drawn)
 
-    def rows(self, decided: Decision, partition: Partition) -> list[tuple[str, Row]]:
+    def rows(self, scene: Scene, partition: Partition) -> list[tuple[str, Row]]:
         """Return what changes at this step, which `partition` has already taken in."""
-        capture = decided.capture
-        frame = capture.frame
+        frame, pose = scene.step.frame, scene.image.pose
         if frame == len(self._positions):
             self._positions = np.concatenate([self._positions, np.full_like(self._positions, np.nan)])
-        if capture.x is not None and capture.y is not None:
-            self._positions[frame] = capture.x, capture.y
-        self._rooms.add(capture.room)
+        if pose is not None:
+            self._positions[frame] = pose.x, pose.y
+        self._rooms.add(scene.image.room)
         labels = partition.labels
-        rows = self._image_rows(frame, labels, relabelled=bool(decided.events))
+        rows = self._image_rows(frame, labels, relabelled=bool(scene.step.events))
         edges = tuple(count_transitions(labels))
         rows += node_rows(labels, self._positions[: frame + 1], partition.active, edges, self._rooms)
-        rows += self._robot_rows(decided)
-        rows += self._closure_rows(decided)
+        rows += self._robot_rows(scene)
+        rows += self._closure_rows(scene)
         graph = topological_graph(labels, partition.active, edges)
         if graph != self._graph:
             self._graph = graph
-            rows.append((layout.GRAPH, graph))
+            rows.append((entities.GRAPH, graph))
         return rows
 
     def final_rows(self, labels: NDArray[np.int64], active: frozenset[int]) -> list[tuple[str, Row]]:
@@ -75,45 +70,45 @@ class Overview:
         return [
             *self._image_rows(len(labels), labels, relabelled=True),
             *node_rows(labels, self._positions[: len(labels)], active, edges, self._rooms),
-            (layout.GRAPH, topological_graph(labels, active, edges)),
+            (entities.GRAPH, topological_graph(labels, active, edges)),
         ]
 
     def _image_rows(self, frame: int, labels: NDArray[np.int64], *, relabelled: bool) -> list[tuple[str, Row]]:
         rows: list[tuple[str, Row]] = []
         count = len(labels)
         if relabelled or count - self._last_drawn > math.isqrt(2 * count) + 8:
-            rows.append((layout.MAP_IMAGES, self._points(labels, 0)))
+            rows.append((entities.MAP_IMAGES, self._points(labels, 0)))
             self._last_drawn = self._drawn[frame] = count
-        return [*rows, (layout.MAP_RECENT, self._points(labels, self._last_drawn))]
+        return [*rows, (entities.MAP_RECENT, self._points(labels, self._last_drawn))]
 
     def _points(self, labels: NDArray[np.int64], first: int) -> Points:
         known = first + np.flatnonzero(np.isfinite(self._positions[first : len(labels), 0]))
         return Points(self._positions[known], labels[known])
 
-    def _robot_rows(self, decided: Decision) -> list[tuple[str, Row]]:
-        frame, yaw, match = decided.capture.frame, decided.capture.yaw, decided.match
+    def _robot_rows(self, scene: Scene) -> list[tuple[str, Row]]:
+        frame, pose, match = scene.step.frame, scene.image.pose, scene.step.match
         here = self._positions[frame]
-        if not np.isfinite(here).all():
+        if pose is None or not np.isfinite(here).all():
             return []
-        rows: list[tuple[str, Row]] = [(layout.MAP_ROBOT, Points(here[np.newaxis], np.zeros(1, np.int64)))]
-        if yaw is not None:
-            heading = HEADING_METRES * np.array([math.cos(yaw), math.sin(yaw)])
-            rows.append((layout.MAP_HEADING, Arrow(here, heading)))
+        rows: list[tuple[str, Row]] = [(entities.MAP_ROBOT, Points(here[np.newaxis], np.zeros(1, np.int64)))]
+        if math.isfinite(pose.yaw):
+            heading = HEADING_METRES * np.array([math.cos(pose.yaw), math.sin(pose.yaw)])
+            rows.append((entities.MAP_HEADING, Arrow(here, heading)))
         before = self._positions[frame - 1] if frame else np.full(2, np.nan)
-        rows.append((layout.MAP_TRAIL, _segment(before, here, layout.WHITE)))
-        there = self._positions[match.best_frame] if match is not None else np.full(2, np.nan)
-        rows.append((layout.MAP_MATCH, _segment(here, there, verdict_color(decided.verdict))))
+        rows.append((entities.MAP_TRAIL, _segment(before, here, WHITE)))
+        there = self._positions[match.frame] if match is not None else np.full(2, np.nan)
+        rows.append((entities.MAP_MATCH, _segment(here, there, ROLE_COLORS[scene.step.role])))
         return rows
 
-    def _closure_rows(self, decided: Decision) -> list[tuple[str, Row]]:
+    def _closure_rows(self, scene: Scene) -> list[tuple[str, Row]]:
         """Return the line of a loop closure between its two capture points; the view gathers those of all steps."""
-        match = decided.match
-        if match is None or match.distance is None or decided.verdict not in _CLOSURES:
+        step, metres = scene.step, scene.metres
+        if step.match is None or metres is None or step.role not in _CLOSURES:
             return []
-        ends = self._positions[[decided.capture.frame, match.best_frame]]
-        _, _, color, width = next(drawn for drawn in layout.CLOSURES if match.distance <= drawn[0])
+        ends = self._positions[[step.frame, step.match.frame]]
+        _, _, color, width = next(drawn for drawn in CLOSURES if metres <= drawn[0])
         line = Segments(ends[np.newaxis], np.array([color], np.uint32), np.array([width]))
-        return [(_CLOSURES[decided.verdict], line)]
+        return [(_CLOSURES[step.role], line)]
 
 
 def node_rows(
@@ -146,14 +141,14 @@ def node_rows(
     means = sums / np.bincount(index)[:, np.newaxis]
     where = dict(zip(nodes.tolist(), means, strict=True))
     ends = np.array([(where[a], where[b]) for a, b in edges if a in where and b in where])
-    segments = Segments(ends, np.full(len(ends), layout.FAINT_COLOR, np.uint32)) if len(ends) else NO_SEGMENTS
+    segments = Segments(ends, np.full(len(ends), FAINT_COLOR, np.uint32)) if len(ends) else NO_SEGMENTS
     names = tuple(_node_label(node, active) for node in nodes.tolist())
     facts = {
         "state": ["active" if node in active else "pending" for node in nodes.tolist()],
         "images": [str(total) for total in np.bincount(labels)[nodes].tolist()],
         "rooms": rooms.shares(labels, nodes),
     }
-    return [(layout.MAP_NODES, Points(means, nodes, names, facts)), (layout.MAP_TRANSITIONS, segments)]
+    return [(entities.MAP_NODES, Points(means, nodes, names, facts)), (entities.MAP_TRANSITIONS, segments)]
 
 
 def topological_graph(labels: NDArray[np.int64], active: frozenset[int], edges: Edges) -> Graph:
@@ -162,7 +157,7 @@ def topological_graph(labels: NDArray[np.int64], active: frozenset[int], edges: 
     return Graph(
         nodes=tuple(str(node) for node in nodes),
         labels=tuple(_node_label(node, active) for node in nodes),
-        colors=tuple(layout.node_color(node) for node in nodes),
+        colors=tuple(node_color(node) for node in nodes),
         edges=tuple((str(a), str(b)) for a, b in edges),
     )
 
@@ -174,3 +169,48 @@ def _node_label(node: int, active: frozenset[int]) -> str:
 def _segment(start: NDArray[np.float64], end: NDArray[np.float64], color: int) -> Segments:
     ends = np.stack([start, end])
     return Segments(ends[np.newaxis], np.array([color], np.uint32)) if np.isfinite(ends).all() else NO_SEGMENTS
+
+
+NO_LABEL = "no label"
+
+
+class Rooms:
+    """The room of every image, as they come."""
+
+    def __init__(self) -> None:
+        self._names: list[str] = []
+        self._codes = np.zeros(64, np.int64)
+        self._count = 0
+
+    def add(self, room: str | None) -> None:
+        """Take in the room of the next image; None where it is unknown."""
+        name = room or NO_LABEL
+        if name not in self._names:
+            self._names.append(name)
+        if self._count == len(self._codes):
+            self._codes = np.concatenate([self._codes, np.zeros_like(self._codes)])
+        self._codes[self._count] = self._names.index(name)
+        self._count += 1
+
+    def shares(self, labels: NDArray[np.int64], nodes: NDArray[np.int64]) -> list[str]:
+        """Return for each node in which rooms its images lie, the commonest first, e.g. ``KT 61 %, LR 39 %``.
+
+        Parameters
+        ----------
+        labels
+            Node of every image so far, shape (n,).
+        nodes
+            The nodes that are asked for.
+        """
+        names = tuple(self._names)
+        pairs = labels * len(names) + self._codes[: len(labels)]
+        counts = np.bincount(pairs, minlength=(int(labels.max()) + 1) * len(names)).reshape(-1, len(names))
+        return [_in_words(names, tuple(row)) for row in counts[nodes].tolist()]
+
+
+@lru_cache(maxsize=256)
+def _in_words(names: tuple[str, ...], counts: tuple[int, ...]) -> str:
+    """Write shares; a step changes those of one node, if any, so most have been written before."""
+    total = sum(counts)
+    order = sorted(range(len(names)), key=lambda index: -counts[index])
+    return ", ".join(f"{names[index]} {100 * counts[index] / total:.0f} %" for index in order if counts[index])

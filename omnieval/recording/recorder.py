@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -10,31 +12,58 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from omnieval.explain.capture import Capture
-from omnieval.explain.decision import Decision, best_match, decision
-from omnieval.explain.revisit import Revisit, Revisits
-from omnieval.explain.words import final_text
+from omnieval.datasets.sequence import Frame
+from omnieval.explain.revisit import Revisits
+from omnieval.explain.scene import Scene
+from omnieval.explain.words import map_text
+from omnieval.mapping.interface import Method
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import FinalMap, Step
-from omnieval.recording import layout
+from omnieval.recording import RecordingOptions, entities
 from omnieval.recording.blueprint import build_blueprint
-from omnieval.recording.evidence import (
-    curve_rows,
-    decision_state,
-    gate_rows,
-    missed_rows,
-    numbered,
-    plot_rows,
-    why_rows,
-    word_rows,
-)
-from omnieval.recording.facts import ImageFacts
+from omnieval.recording.charts import Charts
+from omnieval.recording.compression import StepImages
 from omnieval.recording.overview import Overview
-from omnieval.recording.records import RecordingInfo, RecordingOptions, StepImages, StepView
+from omnieval.recording.pages import ImageFacts, numbered, why_row, word_rows
+from omnieval.recording.rerun_stream import Stream
 from omnieval.recording.rows import Picture, Row, State, Words
-from omnieval.recording.stream import Stream
-from omnieval.recording.styles import lane_state, room_states, styles
-from omnieval.recording.view import check_viewer, start_viewer
+from omnieval.recording.styles import EVENT_COLOR, lane_state, room_states, styles
+from omnieval.recording.viewer import check_viewer, start_viewer
+from omnieval.recording.viewport import Extent
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What a recording says about its run as a whole.
+
+    Attributes
+    ----------
+    name
+        Shown in the viewer's list of recordings, e.g. ``seq1_cloudy1 - hog``.
+    recording_id
+        Unique to the run: two files with one id are one recording to the viewer.
+    steps
+        Number of images of the sequence.
+    method
+        The mapper: its parameters and the words of its evidence.
+    cells
+        Cells of the orientation descriptor: the unit of shifts.
+    description
+        Markdown page shown until `Recorder.finish` brings the one with metrics.
+    properties
+        What else distinguishes the run: parameters, dataset, descriptor.
+    extent
+        Extent of the capture positions, where the map view looks; None without poses.
+    """
+
+    name: str
+    recording_id: str
+    steps: int
+    method: Method
+    cells: int
+    description: str
+    properties: Mapping[str, object] = field(default_factory=dict)
+    extent: Extent | None = None
 
 
 class Recorder:
@@ -65,20 +94,22 @@ class Recorder:
         viewer = self._viewer()
         self._stream = Stream(
             path,
+            application_id=entities.application_id(info.method),
             recording_id=info.recording_id,
-            blueprint=build_blueprint(info.steps, info.mapper.gamma, info.extent),
+            blueprint=build_blueprint(info.method, info.steps, info.extent),
             viewer=viewer,
         )
         if viewer is not None:
-            self._stream.follow(build_blueprint(info.steps, info.mapper.gamma, info.extent, play="following"))
+            self._stream.follow(build_blueprint(info.method, info.steps, info.extent, play="following"))
         self._partition = Partition()
         self._overview = Overview()
-        self._facts = ImageFacts(info.mapper.gamma)
+        self._charts = Charts(info.method)
+        self._facts = ImageFacts(info.method)
         self._final_labels: NDArray[np.int64] | None = None
         self._lanes: dict[str, str] = {}
         self._rooms: list[str] = []
-        self._captures: list[Capture] = []
-        self._revisits = Revisits(info.mapper.n_new)
+        self._images: list[Frame] = []
+        self._revisits = Revisits()
         self._log_header()
 
     @property
@@ -90,47 +121,67 @@ class Recorder:
         """Whether pictures of this frame would be recorded; the caller need not decode others."""
         return self._options.images and self._detailed(frame)
 
-    def log(self, view: StepView, *, images: StepImages | None = None) -> None:
+    def log(
+        self,
+        step: Step,
+        image: Frame,
+        milliseconds: float,
+        *,
+        silhouette: float | None = None,
+        pictures: StepImages | None = None,
+    ) -> None:
         """Record a step; steps come in order, each one once.
+
+        Parameters
+        ----------
+        step, image
+            What was decided, of which image.
+        milliseconds
+            What the step cost.
+        silhouette
+            Silhouette of the map so far; None where it cannot be computed.
+        pictures
+            To be shown beside it.
 
         Raises
         ------
         ValueError
             If the step is not the one that follows the last.
         """
-        step, gamma = view.step, self._info.mapper.gamma
-        revisit = self._revisits.find(view.capture, self._partition)
-        self._captures.append(view.capture)
+        revisit = self._revisits.find(image, self._partition)
+        self._images.append(image)
         self._partition.apply(step)
         if self._stream.ended:
             return
-        self._stream.begin(step.frame, view.time_ns)
-        decided = self._decided(step, revisit)
-        self._facts.add(decided)
-        rows = [*word_rows(step, gamma), *plot_rows(view, gamma, self._partition.unassigned), *self._lane_rows(decided)]
-        rows += [*why_rows(decided, self._info.mapper), *missed_rows(decided)]
-        rows += self._overview.rows(decided, self._partition)
+        self._stream.begin(step.frame, image.time_ns)
+        best = None if step.match is None else self._images[step.match.frame]
+        scene = Scene(step, image, best, revisit, self._info.cells)
+        self._facts.add(scene)
+        rows: list[tuple[str, Row]] = [*word_rows(step, self._info.method), why_row(scene, self._info.method)]
+        rows += self._charts.plot_rows(step, self._partition, milliseconds, silhouette)
+        rows += [*self._charts.missed_rows(scene), *self._lane_rows(scene)]
+        rows += self._overview.rows(scene, self._partition)
         if self._detailed(step.frame):
-            rows += [*gate_rows(step.gate), *curve_rows(step.match, gamma)]
-        if images is not None and self.wants_images(step.frame):
-            rows += _image_rows(images)
+            rows += self._charts.step_rows(step)
+        if pictures is not None and self.wants_images(step.frame):
+            rows += _picture_rows(pictures)
         self._stream.add(rows)
 
     def finish(self, final: FinalMap | None, description: str) -> None:
         """Record what the run has come to: the page with metrics and, unless it was cut short, the final map."""
-        self._stream.static(layout.PAGE, rr.TextDocument(description, media_type=rr.MediaType.MARKDOWN))
+        self._stream.static(entities.PAGE, rr.TextDocument(description, media_type=rr.MediaType.MARKDOWN))
         if final is None or self._stream.ended:
             return
         end = len(final.labels)
         self._stream.begin(end, None)
         rows = self._overview.final_rows(final.labels, final.active)
         self._final_labels = final.labels
-        words = Words(numbered(end, final_text(final)), "FINAL", layout.EVENT_COLOR)
-        self._stream.add([*rows, (layout.LOG_EVENT, words)])
+        words = Words(numbered(end, map_text(final)), "FINAL", EVENT_COLOR)
+        self._stream.add([*rows, (entities.LOG_EVENT, words)])
         changes = np.flatnonzero(np.diff(final.labels, prepend=-1))
         for frame in changes.tolist():
             self._stream.begin(frame, None)
-            self._stream.add([(layout.LANE_FINAL, State(lane_state(int(final.labels[frame]))))])
+            self._stream.add([(entities.LANE_FINAL, State(lane_state(int(final.labels[frame]))))])
 
     def close(self) -> None:
         """Complete the recording. Calling it again does nothing."""
@@ -160,46 +211,38 @@ class Recorder:
         """Log what holds for the whole run: name, page, and how everything is drawn."""
         info, stream = self._info, self._stream
         stream.name(info.name, info.properties)
-        stream.static(layout.PAGE, rr.TextDocument(info.description, media_type=rr.MediaType.MARKDOWN))
-        for entity, value in styles(info.steps, info.extent):
+        stream.static(entities.PAGE, rr.TextDocument(info.description, media_type=rr.MediaType.MARKDOWN))
+        for entity, value in styles(info.method, info.steps, info.extent):
             stream.static(entity, value)
 
     def _log_facts(self) -> None:
         """Log what is said of an image that is selected; there are two entities that draw images."""
         labels, stream = self._final_labels, self._stream
         facts = self._facts.all(labels)
-        stream.facts(layout.MAP_IMAGES, facts.values)
+        stream.facts(entities.MAP_IMAGES, facts.values)
         stream.flush()  # the rows of an entity that are sent together are of one kind
         for step, recent in self._facts.recent(self._overview.drawn, labels):
-            stream.begin(step, self._captures[step].time_ns)
-            stream.add([(layout.MAP_RECENT, recent)])
+            stream.begin(step, self._images[step].time_ns)
+            stream.add([(entities.MAP_RECENT, recent)])
 
-    def _lane_rows(self, decided: Decision) -> list[tuple[str, Row]]:
+    def _lane_rows(self, scene: Scene) -> list[tuple[str, Row]]:
         """Return the lanes that change their state at this step."""
-        room = decided.capture.room
+        room = scene.image.room
         if room and room not in self._rooms:
             self._rooms.append(room)
-            self._stream.static(layout.LANE_ROOM, lambda: room_states(self._rooms))
+            self._stream.static(entities.LANE_ROOM, lambda: room_states(self._rooms))
         states = {
-            layout.LANE_DECISION: decision_state(decided),
-            layout.LANE_NODE: lane_state(decided.node),
-            layout.LANE_ROOM: room or "",
+            entities.LANE_DECISION: scene.outcome,
+            entities.LANE_NODE: lane_state(scene.step.node),
+            entities.LANE_ROOM: room or "",
         }
         changed = {lane: state for lane, state in states.items() if self._lanes.get(lane, "") != state}
         self._lanes |= changed
         return [(lane, State(state)) for lane, state in changed.items()]
 
-    def _decided(self, step: Step, revisit: Revisit | None) -> Decision:
-        """Return the step with its surroundings."""
-        here, match = self._captures[step.frame], step.match
-        best = (
-            best_match(match, here, self._captures[match.best_frame], self._info.cells) if match is not None else None
-        )
-        return decision(step, here, best, revisit)
 
-
-def _image_rows(images: StepImages) -> list[tuple[str, Row]]:
-    rows: list[tuple[str, Row]] = [(layout.PANORAMA, Picture(images.panorama))]
-    if images.omnidirectional is not None:
-        rows.append((layout.OMNIDIRECTIONAL, Picture(images.omnidirectional)))
-    return [*rows, (layout.BEST_MATCH, Picture(images.match))]
+def _picture_rows(pictures: StepImages) -> list[tuple[str, Row]]:
+    rows: list[tuple[str, Row]] = [(entities.PANORAMA, Picture(pictures.panorama))]
+    if pictures.omnidirectional is not None:
+        rows.append((entities.OMNIDIRECTIONAL, Picture(pictures.omnidirectional)))
+    return [*rows, (entities.BEST_MATCH, Picture(pictures.match))]

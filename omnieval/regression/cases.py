@@ -1,9 +1,9 @@
-"""Which replay is which case: the same source, the same cut and the same parameters."""
+"""Which replay is which case: the same source, the same cut, the same components with the same parameters."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,9 +13,9 @@ from omnieval.datasets import load
 from omnieval.datasets.registry import split_source
 from omnieval.datasets.scan import canonical_path
 from omnieval.datasets.synthetic import LIGHTS
-from omnieval.errors import ConfigError
-from omnieval.loop import map_archive, replay
-from omnieval.material import ARCHIVE_SCHEME
+from omnieval.errors import ResultError
+from omnieval.loop import replay
+from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, archive_file, refuse_descriptor
 from omnieval.regression.reference import Case, Cut, Value, parameters_of
 from omnieval.results.manifest import MANIFEST
 from omnieval.results.run_folder import Run, open_run
@@ -25,10 +25,11 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Selection:
-    """Parameters and cut that a source is to be checked with."""
+    """Components, parameters and cut that a source is to be checked with."""
 
     config: Config
     cut: Cut = field(default_factory=Cut)
+    skip_bad: bool = False
 
 
 @dataclass(frozen=True)
@@ -41,19 +42,22 @@ class Job:
         As `canonical_source` returns it.
     cut
         Which of its frames.
+    skip_bad
+        Whether images that are not fit for use are left out.
     parameters
-        All that it depends on, as `parameters_of` returns them.
+        All else that it depends on, as `parameters_of` returns them.
     """
 
     source: str
     cut: Cut
+    skip_bad: bool
     parameters: dict[str, Value]
 
 
 def job_of_run(run: Run) -> Job:
     """Return what a run replayed."""
     cut = Cut.model_validate(run.manifest["cut"])
-    return Job(run.manifest["source"], cut, parameters_of(run.manifest["configuration"]))
+    return _job(run.manifest["source"], cut, "skipped" in run.manifest, run.config)
 
 
 def job_of_case(case: Case) -> Job:
@@ -62,15 +66,26 @@ def job_of_case(case: Case) -> Job:
     Raises
     ------
     ConfigError, DatasetError
-        If a parameter or the source is unknown.
+        If a component, a parameter or the source is unknown.
     """
-    return Job(canonical_source(case.source), case.cut, parameters_of(case.config().model_dump(mode="json")))
+    return _job(canonical_source(case.source), case.cut, case.skipped is not None, case.config())
 
 
 def job_of_source(source: str, selection: Selection | None) -> Job:
     """Return what a source is replayed with; `selection` None is the defaults."""
     chosen = selection or Selection(resolve())
-    return Job(canonical_source(source), chosen.cut, parameters_of(chosen.config.model_dump(mode="json")))
+    if archive_file(source) is not None:
+        refuse_descriptor(source, chosen.config)
+    return _job(canonical_source(source), chosen.cut, chosen.skip_bad, chosen.config)
+
+
+def _job(source: str, cut: Cut, skip_bad: bool, config: Config) -> Job:
+    parameters = parameters_of(config)
+    if source.startswith(ARCHIVE_SCHEME):  # its descriptions are what they are
+        own = f"{config.descriptor.name}."
+        parameters = {name: value for name, value in parameters.items() if not name.startswith((own, "imaging."))}
+        parameters["descriptor"] = ARCHIVE.name
+    return Job(source, cut, skip_bad, parameters)
 
 
 def run_at(target: str) -> Run | None:
@@ -80,7 +95,9 @@ def run_at(target: str) -> Run | None:
 
 
 @contextmanager
-def replayed(source: str, cut: Cut, config: Config, progress: Progress | None = None) -> Iterator[Run]:
+def replayed(
+    source: str, cut: Cut, config: Config, *, skip_bad: bool = False, progress: Progress | None = None
+) -> Iterator[Run]:
     """Replay into a temporary folder, without a recording.
 
     Raises
@@ -89,16 +106,33 @@ def replayed(source: str, cut: Cut, config: Config, progress: Progress | None = 
         If the source cannot be replayed.
     """
     with tempfile.TemporaryDirectory(prefix="omnieval-check-") as temporary:
-        out = Path(temporary) / "run"
-        canonical = canonical_source(source)
-        if canonical.startswith(ARCHIVE_SCHEME):
-            if cut != Cut():
-                raise ConfigError(f"{source} is taken as it is; leave start, stride and limit out")
-            archive = Path(canonical.removeprefix(ARCHIVE_SCHEME))
-            yield map_archive(archive, config=config, out=out, progress=progress)
-        else:
-            sequence = load(canonical).cut(start=cut.start, stride=cut.stride, limit=cut.limit)
-            yield replay(sequence, config=config, out=out, progress=progress)
+        yield replay(
+            canonical_source(source),
+            config=config,
+            **cut.model_dump(),
+            skip_bad=skip_bad,
+            out=Path(temporary) / "run",
+            progress=progress,
+        )
+
+
+def refuse_unrepeatable(run: Run) -> None:
+    """Refuse a run that no check could replay.
+
+    Raises
+    ------
+    ResultError
+        One line that says why.
+    """
+    archive = archive_file(run.manifest["source"])
+    if archive is not None and not archive.is_file():
+        raise ResultError(f"{run.folder} cannot be a case: its descriptors {archive} are gone")
+    components = [run.config.mapper, *([] if archive is not None else [run.config.descriptor])]
+    try:
+        for component in components:
+            component.again()
+    except ResultError as error:
+        raise ResultError(f"{run.folder} cannot be a case: {error}") from error
 
 
 def canonical_source(source: str) -> str:
@@ -109,8 +143,8 @@ def canonical_source(source: str) -> str:
     DatasetError
         If the source is unknown, or a bare path holds no sequence.
     """
-    if source.startswith(ARCHIVE_SCHEME) or source.endswith(".npz"):
-        return f"{ARCHIVE_SCHEME}{Path(source.removeprefix(ARCHIVE_SCHEME)).resolve()}"
+    if (file := archive_file(source)) is not None:
+        return f"{ARCHIVE_SCHEME}{file.resolve()}"
     scheme, rest = split_source(source)
     if scheme is None:
         return load(source).source
@@ -127,8 +161,21 @@ def portable_source(source: str) -> str:
     return f"{scheme}:{path.relative_to(Path.cwd()).as_posix()}"
 
 
-def deviations(parameters: Mapping[str, Value]) -> dict[str, Value]:
-    """Return the descriptor, and the parameters that differ from the defaults."""
-    configuration = resolve().model_dump(mode="json") | {"descriptor": parameters["descriptor"]}
-    defaults = parameters_of(configuration)
-    return {name: value for name, value in parameters.items() if name == "descriptor" or value != defaults.get(name)}
+def portable_spec(spec: str) -> str:
+    """Return what names a component, with a path in the working directory made relative; see `portable_source`."""
+    where, _, name = spec.rpartition(":")
+    path = Path(where)
+    if not where.endswith(".py") or not path.is_relative_to(Path.cwd()):
+        return spec
+    return f"{path.relative_to(Path.cwd()).as_posix()}:{name}"
+
+
+def deviations(config: Config, *, archive: bool) -> dict[str, Value]:
+    """Return the parameters that differ from the defaults of the same components; an `archive` has no descriptor's."""
+    plain = resolve(mapper=config.mapper.spec, descriptor=None if archive else config.descriptor.spec)
+    defaults = parameters_of(plain)
+    return {
+        name: value
+        for name, value in parameters_of(config).items()
+        if name not in ("mapper", "descriptor") and value != defaults.get(name)
+    }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from omnieval.errors import ConfigError, OmnievalError
+from omnieval.errors import ConfigError, OmnievalError, RegressionError
 from omnieval.regression.cases import (
     Job,
     Progress,
@@ -14,11 +16,12 @@ from omnieval.regression.cases import (
     job_of_case,
     job_of_run,
     job_of_source,
+    portable_spec,
     replayed,
     run_at,
 )
 from omnieval.regression.judge import judge
-from omnieval.regression.reference import Case, read_reference
+from omnieval.regression.reference import Case, Made, Value, read_reference
 from omnieval.regression.report import CaseReport
 from omnieval.regression.trace import Parting, first_parting, read_trace
 from omnieval.results.compare import differing
@@ -92,29 +95,55 @@ def _reports(
         chosen = matching(job, cases) if selection else of_source(target, cases)
         yield from (_replay(case, reference, progress) for case in chosen)
     if not chosen:
-        yield CaseReport(target, fault=_nothing_for(job, cases))
+        yield CaseReport(target, fault=_nothing_for(job, cases), code=RegressionError.exit_code)
 
 
 def _replay(case: Case, reference: Path, progress: Progress | None) -> CaseReport:
+    started = time.perf_counter()
+    skip_bad = case.skipped is not None
     try:
-        with replayed(case.source, case.cut, case.config(), progress) as run:
-            return _compare(case, run, reference)
+        with replayed(case.source, case.cut, case.config(), skip_bad=skip_bad, progress=progress) as run:
+            report = _compare(case, run, reference)
     except OmnievalError as error:
-        # A case that cannot be replayed is a missing one, and the others are still worth a look.
-        return CaseReport(case.name, fault=f"cannot be replayed: {error}")
+        # A case that cannot be replayed says nothing about the maps, and the others are still worth a look.
+        report = CaseReport(case.name, fault=f"cannot be replayed: {error}", code=error.exit_code)
+    return dataclasses.replace(report, seconds=time.perf_counter() - started)
 
 
 def _compare(case: Case, run: Run, reference: Path) -> CaseReport:
     parting, notes = _parting(case, run, reference)
+    outcomes = judge(case, run.metrics)
     if run.status != "complete":
         notes = (f"{run.folder} is {run.status}: it has no metrics; replay it again", *notes)
     settings = {}
     if case.made:
-        settings = differing(case.made.parameters, job_of_run(run).parameters)
-        fingerprint = run.manifest.get("dataset_fingerprint")
-        if fingerprint is not None and fingerprint != case.made.dataset_fingerprint:
-            notes = (*notes, "images, poses or labels are not those the reference was made with")
-    return CaseReport(case.name, judge(case, run.metrics), parting=parting, settings=settings, notes=notes)
+        settings = differing(case.made.parameters, _portable(job_of_run(run).parameters))
+        notes = (*notes, *_changes(case, case.made, run, code=parting is not None or any(x.failed for x in outcomes)))
+    return CaseReport(case.name, outcomes, parting=parting, settings=settings, notes=notes)
+
+
+def _portable(parameters: dict[str, Value]) -> dict[str, Value]:
+    return {
+        name: portable_spec(str(value)) if name in ("mapper", "descriptor") else value
+        for name, value in parameters.items()
+    }
+
+
+def _changes(case: Case, made: Made, run: Run, *, code: bool) -> Iterator[str]:
+    """Yield what is not as it was when the reference was made; `code` only where there is something to explain."""
+    fingerprint = run.manifest.get("dataset_fingerprint")
+    if fingerprint is not None and fingerprint != made.dataset_fingerprint:
+        yield "images, poses or labels are not those the reference was made with"
+    if case.skipped is not None:
+        left_out = tuple(bad["file"] for bad in run.manifest.get("skipped") or ())
+        if left_out != case.skipped:
+            yield f"left out {len(left_out)} images because they are bad, the reference {len(case.skipped)}"
+    for kind, then, now in (
+        ("mapper", made.mapper_code, run.config.mapper.code),
+        ("descriptor", made.descriptor_code, run.config.descriptor.code),
+    ):
+        if code and then and then != now:
+            yield f"the code of the {kind} is not that the reference was made with"
 
 
 def _parting(case: Case, run: Run, reference: Path) -> tuple[Parting | None, tuple[str, ...]]:
@@ -142,7 +171,9 @@ def _differences(case: Case, job: Job) -> dict[str, tuple[object, object]]:
     other = _job(case)
     if other is None:
         return {"parameters": ("faulty", "valid")}
-    cuts = differing(other.cut.model_dump(), job.cut.model_dump())
+    cuts = differing(
+        {**other.cut.model_dump(), "skip_bad": other.skip_bad}, {**job.cut.model_dump(), "skip_bad": job.skip_bad}
+    )
     return {**differing(other.parameters, job.parameters), **cuts}
 
 

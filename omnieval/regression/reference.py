@@ -1,15 +1,18 @@
 """The reference file: what replays are expected to come to, as TOML that people read, edit and commit.
 
-schema_version = 1
+schema_version = 2
 
 [[case]]
 name = "synthetic-night-hog"
 source = "synthetic:night"          # paths are relative to the working directory
 cut = { start = 0, stride = 1 }
+skipped = ["0007.png"]              # images left out because they are not fit for use; optional
 trace = "synthetic/synthetic-night-hog.parquet"    # beside the reference; optional
+mapper = "leader"                   # as on the command line; without it the default
+descriptor = "hog"
 
 [case.parameters]                   # only what differs from the defaults, so that the defaults are guarded too
-descriptor = "hog"
+radius = 2.5
 
 [case.expected]
 nodes = { value = 9, min = 8, max = 10 }
@@ -19,18 +22,24 @@ share_forced = { value = 0.04, tolerance = 0.05, better = "lower" }
 [case.made]                         # how the expected values came about; written by --update, never judged
 date = "2026-01-31T12:00:00+00:00"
 code = "..."
+mapper_code = "..."
+descriptor_code = "..."
 dataset_fingerprint = "..."
+
+What people write into it, comments and order included, survives an update.
 """
 
 from __future__ import annotations
 
-import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
+import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, StrictFloat, StrictInt, StrictStr, ValidationError, model_validator
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Table
 
 from omnieval.config import Config, Setting, resolve
 from omnieval.errors import ConfigError, RegressionError
@@ -38,9 +47,12 @@ from omnieval.metrics.evaluation import METRICS
 from omnieval.results.atomic import replacing
 from omnieval.wording import did_you_mean
 
-SCHEMA_VERSION = 1
-_HEADER = "# Written by `omnieval check --update`. Tolerances may be edited: an update keeps them.\n"
+SCHEMA_VERSION = 2
+_HEADER = "Written by `omnieval check --update`. Tolerances and comments may be edited: an update keeps them."
 _LOCKED = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+_SECTIONS = ("parameters", "expected", "made", "versions")
+"""Tables of a case that have a heading of their own."""
 
 Value = StrictStr | StrictInt | StrictFloat
 
@@ -88,6 +100,8 @@ class Made(BaseModel):
 
     date: str
     code: str
+    mapper_code: str = ""
+    descriptor_code: str = ""
     dataset_fingerprint: str
     versions: dict[str, str]
     parameters: dict[str, Value]
@@ -104,8 +118,12 @@ class Case(BaseModel):
         Source as on the command line; paths are relative to the working directory.
     cut
         Which of its frames.
+    skipped
+        Images that were left out because they are not fit for use; None if nobody asked for that.
     trace
         File of the decision trace, relative to the reference; None if there is none.
+    mapper, descriptor
+        Components as on the command line; None for the defaults.
     parameters
         Parameters that are set, by name; all others have the defaults of the code that is checked.
     nodes
@@ -121,7 +139,10 @@ class Case(BaseModel):
     name: str = Field(min_length=1)
     source: str
     cut: Cut = Cut()
+    skipped: tuple[str, ...] | None = None
     trace: str | None = None
+    mapper: str | None = None
+    descriptor: str | None = None
     parameters: dict[str, Value] = Field(default_factory=dict)
     nodes: NodeRange
     guards: dict[str, Guard]
@@ -133,9 +154,10 @@ class Case(BaseModel):
         Raises
         ------
         ConfigError
-            If a parameter is unknown or invalid.
+            If there is no such component, or a parameter is unknown or invalid.
         """
-        return resolve(Setting(name, value, f"case {self.name}") for name, value in self.parameters.items())
+        settings = [Setting(name, value, f"case {self.name}") for name, value in self.parameters.items()]
+        return resolve(settings, mapper=self.mapper, descriptor=self.descriptor)
 
 
 def read_reference(path: Path) -> tuple[Case, ...]:
@@ -171,37 +193,94 @@ def read_reference(path: Path) -> tuple[Case, ...]:
     return cases
 
 
-def write_reference(cases: tuple[Case, ...], path: Path) -> None:
-    """Write a reference file; see `read_reference`.
+def write_reference(cases: Sequence[Case], path: Path) -> None:
+    """Write cases into a reference file, in place of those of the same names; what else is in it stays as it is.
 
     Raises
     ------
+    ConfigError
+        If the file that is there is no TOML.
     ResultError
         If it cannot be written.
     """
-    lines = [_HEADER, f"schema_version = {SCHEMA_VERSION}"]
+    try:
+        document = tomlkit.parse(path.read_text("utf-8")) if path.exists() else _new_document()
+    except (OSError, ValueError, TOMLKitError) as error:
+        raise ConfigError(f"cannot read reference {path}: {error}") from error
+    tables = document.setdefault("case", tomlkit.aot())
+    assert isinstance(tables, AoT)
+    known = {str(table["name"]): table for table in tables}
     for case in cases:
-        lines += ["", *_case_lines(case)]
+        if case.name in known:
+            _renew(known[case.name], case)
+        else:
+            tables.append(_table(_plain(case)))
     with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", "utf-8")
+        temporary.write_text(tomlkit.dumps(document), "utf-8")
 
 
-def parameters_of(configuration: Mapping[str, Any]) -> dict[str, Value]:
-    """Return the parameters that a replay depends on, by name.
+def parameters_of(config: Config) -> dict[str, Value]:
+    """Return what a replay depends on besides its images: components, and parameters that have a value, by name.
 
-    Parameters
-    ----------
-    configuration
-        `Config.model_dump`, as in ``run.json``. Sections of descriptors that are not used, and parameters
-        without a value, are left out.
+    A component is called by what finds it again, or by its name if nothing does.
     """
-    chosen = configuration["descriptor"]
-    flat: dict[str, Value] = {"descriptor": chosen}
-    for section, values in configuration.items():
-        if section in {"mapper", "imaging", chosen}:
-            prefix = "" if section == "mapper" else f"{section}."
-            flat |= {prefix + name: value for name, value in values.items() if value is not None}
-    return flat
+    chosen = {kind: component.spec or component.name for kind, component in _components(config).items()}
+    return {**chosen, **{name: value for name, value in config.settings.items() if value is not None}}
+
+
+def _components(config: Config) -> dict[str, Any]:
+    return {"mapper": config.mapper, "descriptor": config.descriptor}
+
+
+def _new_document() -> tomlkit.TOMLDocument:
+    document = tomlkit.document()
+    document.add(tomlkit.comment(_HEADER))
+    document.add(tomlkit.nl())
+    document.add("schema_version", tomlkit.item(SCHEMA_VERSION))
+    document.add(tomlkit.nl())
+    return document
+
+
+def _plain(case: Case) -> dict[str, Any]:
+    """Return a case as it stands in the file."""
+    plain = case.model_dump(exclude_none=True, exclude={"nodes", "guards"})
+    if case.trace is not None:
+        plain["trace"] = PurePosixPath(case.trace).as_posix()
+    guards = {name: guard.model_dump(exclude_defaults=True) for name, guard in case.guards.items()}
+    made = plain.pop("made", None)
+    plain["expected"] = {"nodes": case.nodes.model_dump(), **guards}
+    return plain if made is None else {**plain, "made": made}
+
+
+def _table(content: Mapping[str, Any]) -> Table:
+    """Return a table: short tables within it in one line, the sections of a case as tables of their own."""
+    table = tomlkit.table()
+    for name, value in content.items():
+        if name in _SECTIONS:
+            table.add(name, _table(value))
+        elif isinstance(value, Mapping):
+            inside = ", ".join(f"{key} = {tomlkit.item(one).as_string()}" for key, one in value.items())
+            table.add(name, tomlkit.value(f"{{ {inside} }}"))
+        else:
+            table.add(name, list(value) if isinstance(value, tuple) else value)
+    return table
+
+
+def _renew(table: Any, case: Case) -> None:
+    """Bring a table up to a case, key by key, so that comments and order stay."""
+    _update(table, _table(_plain(case)), drop=False)
+    _update(table["expected"], _table(_plain(case))["expected"], drop=True)
+
+
+def _update(old: Any, new: Any, *, drop: bool) -> None:
+    for name, value in new.items():
+        if isinstance(value, Mapping) and isinstance(old.get(name), Mapping):
+            _update(old[name], value, drop=False)
+        elif old.get(name) != value:
+            old[name] = value
+    if drop:
+        for name in [name for name in old if name not in new]:
+            del old[name]
 
 
 def _case(table: dict[str, Any], path: Path) -> Case:
@@ -220,37 +299,3 @@ def _case(table: dict[str, Any], path: Path) -> Case:
         fault = error.errors()[0]
         where = ".".join(str(part) for part in fault["loc"])
         raise ConfigError(f"{path}: case {table.get('name')}: {where}: {fault['msg']}") from error
-
-
-def _case_lines(case: Case) -> Iterator[str]:
-    yield "[[case]]"
-    yield f"name = {_toml(case.name)}"
-    yield f"source = {_toml(case.source)}"
-    yield f"cut = {_toml(case.cut.model_dump(exclude_none=True))}"
-    if case.trace is not None:
-        yield f"trace = {_toml(PurePosixPath(case.trace).as_posix())}"
-    yield from _table_lines("case.parameters", case.parameters)
-    guards = {name: guard.model_dump(exclude_defaults=True) for name, guard in case.guards.items()}
-    yield from _table_lines("case.expected", {"nodes": case.nodes.model_dump(), **guards})
-    if case.made:
-        yield from _table_lines("case.made", case.made.model_dump(exclude={"versions", "parameters"}))
-        yield from _table_lines("case.made.versions", case.made.versions)
-        yield from _table_lines("case.made.parameters", case.made.parameters)
-
-
-def _table_lines(name: str, content: Mapping[str, Any]) -> Iterator[str]:
-    yield ""
-    yield f"[{name}]"
-    for key, value in content.items():
-        yield f"{_key(key)} = {_toml(value)}"
-
-
-def _key(name: str) -> str:
-    return name if name.replace("-", "").replace("_", "").isalnum() and name.isascii() else _toml(name)
-
-
-def _toml(value: Any) -> str:
-    """Return a text, number or flat table in TOML. JSON's texts and finite numbers are TOML's, but for DEL."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_toml(one)}" for key, one in value.items()) + " }"
-    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from omnieval.errors import ConfigError, DatasetError, OmnievalError, RegressionError
 from omnieval.regression.judge import Outcome
 from omnieval.regression.trace import Parting
 
@@ -25,22 +26,31 @@ class CaseReport:
         Of the case; of what was to be checked where the reference has no case for it.
     outcomes
         One a guarded value; empty where there is nothing to compare.
-    fault
-        Why there is nothing to compare; None if there is.
+    fault, code
+        Why there is nothing to compare, and the exit code that says so; None if there is.
     parting
         The first step decided otherwise than in the decision trace; None if there is none, or no trace.
     settings
         Parameters whose value was another when the reference was made: (then, now).
     notes
         What else explains a difference, one line each.
+    seconds
+        What the replay took; None where none was made.
     """
 
     name: str
     outcomes: tuple[Outcome, ...] = ()
     fault: str | None = None
+    code: int | None = None
     parting: Parting | None = None
     settings: dict[str, tuple[Any, Any]] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    seconds: float | None = None
+
+    @property
+    def worse(self) -> bool:
+        """Whether the maps are worse than the reference says, or there is no reference for them."""
+        return self.code == RegressionError.exit_code or (self.fault is None and self.failed)
 
     @property
     def failed(self) -> bool:
@@ -76,6 +86,21 @@ def decision(columns: dict[str, Any] | None) -> str:
     return f"{columns['verdict']}, {node}{best}"
 
 
+def failure(reports: Sequence[CaseReport], reference: Path) -> OmnievalError | None:
+    """Return the error that a check ends in; None if it passes.
+
+    Maps that are worse come before cases that could not be replayed, which are no regression.
+    """
+    if any(report.worse for report in reports):
+        return RegressionError(summary(reports, reference))
+    broken = [report for report in reports if report.failed]
+    if not broken:
+        return None
+    named = "; ".join(f"{report.name} {report.fault}" for report in broken[:_NAMED_FAILURES])
+    kind = DatasetError if any(report.code == DatasetError.exit_code for report in broken) else ConfigError
+    return kind(f"{reference} could not be checked: {named}")
+
+
 def summary(reports: Sequence[CaseReport], reference: Path) -> str:
     """Return one line that says what failed, and what to do."""
     failures = [line for report in reports for line in _failures(report)]
@@ -95,6 +120,7 @@ def as_object(reports: Sequence[CaseReport], reference: Path) -> dict[str, Any]:
                 "case": report.name,
                 "ok": not report.failed,
                 "fault": report.fault,
+                "seconds": report.seconds,
                 "values": [
                     {**dataclasses.asdict(outcome), "difference": outcome.difference} for outcome in report.outcomes
                 ],

@@ -19,6 +19,8 @@ from omnieval.regression.cases import (
     job_of_run,
     job_of_source,
     portable_source,
+    portable_spec,
+    refuse_unrepeatable,
     replayed,
     run_at,
 )
@@ -145,33 +147,47 @@ def _of_target(
     if found:
         return [_replay(case, cases, reference, progress) for case in found]
     chosen = selection or Selection(resolve())
-    with replayed(job.source, chosen.cut, chosen.config, progress) as fresh:
+    with replayed(job.source, chosen.cut, chosen.config, skip_bad=chosen.skip_bad, progress=progress) as fresh:
         return [_renew(None, fresh, cases, reference)]
 
 
 def _replay(case: Case, cases: Sequence[Case], reference: Path, progress: Progress | None) -> _Renewed:
-    with replayed(case.source, case.cut, case.config(), progress) as run:
+    skip_bad = case.skipped is not None
+    with replayed(case.source, case.cut, case.config(), skip_bad=skip_bad, progress=progress) as run:
         return _renew(case, run, cases, reference)
 
 
 def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -> _Renewed:
     if run.status != "complete":
         raise ResultError(f"{run.folder} is {run.status}: there is nothing to expect of it; replay it again")
+    refuse_unrepeatable(run)
     name = old.name if old else _free_name(run, {case.name for case in cases})
-    job = job_of_run(run)
+    job, config = job_of_run(run), run.config
+    skipped = run.manifest.get("skipped")
+    specs = {
+        kind: portable_spec(spec)
+        for kind in ("mapper", "descriptor")
+        if (spec := getattr(config, kind).spec) is not None
+    }
     made = Made(
         date=run.manifest["finished"],
         code=run.manifest["code"],
+        mapper_code=config.mapper.code,
+        descriptor_code=config.descriptor.code,
         dataset_fingerprint=run.manifest["dataset_fingerprint"],
         versions=run.manifest["versions"],
-        parameters=job.parameters,
+        parameters=job.parameters | specs,
     )
+    archive = job.source.startswith(ARCHIVE_SCHEME)
     new = Case(
         name=name,
         source=old.source if old else portable_source(job.source),
         cut=job.cut,
+        skipped=None if skipped is None else tuple(bad["file"] for bad in skipped),
         trace=(old and old.trace) or f"{reference.stem}/{safe_name(name)}.parquet",
-        parameters=old.parameters if old else deviations(job.parameters),
+        mapper=old.mapper if old else None if config.mapper.is_default else specs["mapper"],
+        descriptor=old.descriptor if old else None if archive else specs["descriptor"],
+        parameters=old.parameters if old else deviations(config, archive=archive),
         nodes=_node_range(old, run),
         guards=_guards(old, run),
         made=made,
@@ -180,8 +196,10 @@ def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -
 
 
 def _free_name(run: Run, taken: set[str]) -> str:
-    archive = run.manifest["source"].startswith(ARCHIVE_SCHEME)
-    base = f"{run.manifest['sequence']}-{'map' if archive else run.manifest['configuration']['descriptor']}"
+    config = run.config
+    described = "map" if run.manifest["source"].startswith(ARCHIVE_SCHEME) else config.descriptor.name
+    mapper = "" if config.mapper.is_default else f"-{config.mapper.name}"
+    base = f"{run.manifest['sequence']}-{described}{mapper}"
     number, name = 1, base
     while name in taken:
         number += 1
@@ -238,13 +256,10 @@ def _parting(old: Case, steps: pl.DataFrame, reference: Path) -> Parting | None:
 
 def _write(renewals: Sequence[_Renewed], reference: Path) -> None:
     """Write traces and reference; cases keep their order, new ones come last."""
-    by_name = {renewed.new.name: _undated(renewed) for renewed in renewals}
-    kept = read_reference(reference) if reference.exists() else ()
-    ordered = {case.name: by_name.get(case.name, case) for case in kept} | by_name
     for renewed in renewals:
         if renewed.new.trace:
             write_trace(renewed.steps, reference.parent / renewed.new.trace)
-    write_reference(tuple(ordered.values()), reference)
+    write_reference([_undated(renewed) for renewed in renewals], reference)
 
 
 def _undated(renewed: _Renewed) -> Case:

@@ -45,6 +45,12 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def named(path: Path) -> Path:
+    """Return what a file of `replacing` will be called, any other file as it is."""
+    found = _TEMPORARY.fullmatch(path.name)
+    return path if found is None else path.with_name(found["name"])
+
+
 def is_temporary(path: Path, *, of: str | None = None) -> bool:
     """Whether this is a file of `replacing` (for the name `of`), which only a killed process leaves behind."""
     found = _TEMPORARY.fullmatch(path.name)

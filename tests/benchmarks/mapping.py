@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from omnieval.mapping.config import MapperConfig
+from omnieval.mapping.mapper import Mapper
 
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import DescriptionStore
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.mapper import Mapper
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.sweep import Interval, Points, Sweep
 from tests.benchmarks.figures import Figure, seconds_of

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from omnieval.loop import replay
-from omnieval.recording.records import RecordingOptions
+from omnieval.recording import RecordingOptions
 from tests.benchmarks.figures import Figure
 from tests.benchmarks.sequences import building
 

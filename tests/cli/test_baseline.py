@@ -59,8 +59,8 @@ def test_settings_cuts_and_seed_are_those_of_a_replay(panoramas, tmp_path):
     arguments = ["--set", "hog.bins=8", "--set", "seed=3", "--start", "16", "--limit", "32", "--k", "2"]
     content = json.loads(in_process("baseline", panoramas, *arguments, "--json", cwd=tmp_path).stdout)
     assert content["frames"] == 32
-    assert content["configuration"]["hog"]["bins"] == 8
-    assert content["configuration"]["mapper"]["seed"] == 3
+    assert content["descriptor"]["settings"]["bins"] == 8
+    assert content["seed"] == 3
     assert content["rows"][0]["rooms_ari"] == 1.0
 
 
@@ -85,7 +85,7 @@ def test_help_shows_examples(tmp_path):
         (["{panoramas}", "--at-k-of", "nothing"], 2, ["not a run folder"]),
         (["{panoramas}", "--descriptor", "hogg"], 2, ["unknown descriptor"]),
         (["none.npz"], 3, ["none.npz"]),
-        (["none.npz", "--limit", "5"], 2, ["none.npz is taken as it is"]),
+        (["none.npz", "--descriptor", "gist"], 2, ["none.npz holds descriptors and is taken as it is"]),
         (["nowhere"], 3, ["nowhere"]),
     ],
 )

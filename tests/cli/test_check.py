@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -68,16 +69,37 @@ def test_a_change_of_a_parameter_fails_and_names_the_step(cwd):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "word"),
+    ("old", "new", "code", "word"),
     [
-        (r"nodes = \{.+\}", "nodes = { value = 50, min = 49, max = 51 }", "outside"),
-        (r"folder:\S+\"", 'folder:gone"', "cannot be replayed"),
-        (r"descriptor = \"hog\"", 'descriptor = "pig"', "unknown descriptor"),
+        (r"folder:\S+\"", 'folder:gone"', 3, "no such folder"),
+        (r"descriptor = \"hog\"", 'descriptor = "pig"', 2, "unknown descriptor"),
     ],
 )
-def test_other_ways_to_fail(cwd, old, new, word):
+def test_what_cannot_be_replayed_is_no_regression(cwd, old, new, code, word):
     edit(cwd, old, new)
-    fails_with_a_table(check(cwd), word)
+    result = check(cwd)
+    assert result.returncode == code
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("omnieval: ref/three.toml could not be checked: ")
+    assert "--update" not in line
+    assert word in line
+    assert word in result.stdout
+
+
+def test_an_image_that_cannot_be_read_is_no_regression(cwd, panoramas):
+    folder = cwd / "copy"
+    shutil.copytree(panoramas, folder)
+    edit(cwd, r"folder:\S+\"", 'folder:copy"')
+    assert check(cwd).returncode == 0
+    next(iter(sorted(folder.glob("*.png")))).write_bytes(b"no image")
+    result = check(cwd)
+    assert result.returncode == 3
+    assert "could not be checked" in result.stderr
+
+
+def test_nodes_outside_their_range_fail(cwd):
+    edit(cwd, r"nodes = \{.+\}", "nodes = { value = 50, min = 49, max = 51 }")
+    fails_with_a_table(check(cwd), "outside")
 
 
 def test_what_has_no_case_fails(cwd, panoramas):
@@ -100,7 +122,7 @@ def test_no_reference_is_never_a_pass(tmp_path):
 
 
 def test_a_faulty_reference_is_a_usage_error(cwd):
-    edit(cwd, "schema_version = 1", "schema_version = 9")
+    edit(cwd, "schema_version = 2", "schema_version = 9")
     fails(check(cwd), 2, "schema version 9")
 
 

@@ -174,11 +174,10 @@ def test_settings_win_over_files_and_files_over_presets(panoramas, tmp_path):
     (tmp_path / "mine.toml").write_text('omega = 3.0\ngamma = 2\n[hog]\nbins = 8\n[imaging]\nkind = "panoramic"\n')
     arguments = ["--preset", "paper-literal", "--config", "mine.toml", "--set", "gamma=1.5", "--set", "n_init=10"]
     result = in_process("replay", panoramas, *arguments, "--no-rrd", "--json", "--limit", "30", cwd=tmp_path)
-    configuration = json.loads(result.stdout)["configuration"]
-    assert configuration["mapper"]["covariance"] == "pinv"
-    assert configuration["mapper"]["omega"] == 3.0
-    assert configuration["mapper"]["gamma"] == 1.5
-    assert configuration["hog"]["bins"] == 8
+    content = json.loads(result.stdout)
+    mapper = content["mapper"]["settings"]
+    assert (mapper["covariance"], mapper["omega"], mapper["gamma"]) == ("pinv", 3.0, 1.5)
+    assert content["descriptor"]["settings"]["bins"] == 8
 
 
 def test_dataset_list_info_and_check(panoramas, tmp_path):

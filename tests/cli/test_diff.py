@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from omnieval.recording.view import check_recording
+from omnieval.recording.viewer import check_recording
 from omnieval.results.compare import agreement
 from omnieval.results.run_folder import open_run
 from tests.cli.test_cli import SMALL, fails, in_process
@@ -21,7 +21,7 @@ def test_both_decisions_of_the_first_step_that_parts_are_shown(two_runs, agreed)
     assert f"step {agreed.first_parted} is the first with another verdict or another partition" in result.stdout
     mine, theirs = result.stdout.split("\nA: a\n")[1].split("\nB: b\n")
     assert "decision    joined node" in mine
-    assert "decision    refused: prominence" in theirs
+    assert "decision    refused (prominence): prominence" in theirs
     assert "gamma  1.0 | 20.0" in theirs
 
 

@@ -19,13 +19,13 @@ def test_a_refusal_is_explained_in_words_and_numbers(two_runs, refused):
     result = in_process("explain", "b", refused, cwd=two_runs)
     assert (result.returncode, result.stderr) == (0, "")
     step = open_run(two_runs / "b").steps.row(refused, named=True)
-    assert result.stdout.startswith(f"step {refused} of b (0 to 79)\n  decision    refused: prominence ")
+    head = f"step {refused} of b (0 to 79)\n  decision    refused (prominence): prominence over the mean "
+    assert result.stdout.startswith(head)
     for words in (
         f"image       {refused}: image{refused}.png, in {step['room']}, at (",
-        "gate        x = max(omega 3.5, 3.05 - 0.15 x ",
+        "node        gate ratio <= x = max(omega 3.5, ",
         f"best match  {step['best_frame']} of node ",
         "< gamma 20: refused",
-        "centroid    not compared: the image was refused before",
         "would pass this gate",
         f"final map   node {step['node_final']}, {step['placement']}: ",
     ):
@@ -41,9 +41,12 @@ def test_json_holds_every_number(two_runs, refused):
     content = json.loads(in_process("explain", "b", refused, "--json", cwd=two_runs).stdout)
     step = open_run(two_runs / "b").steps.row(refused, named=True)
     assert (content["schema_version"], content["run"], content["step"]) == (1, "b", refused)
-    decision = content["decision"]
-    assert decision["gate"] == {"x": step["x_gate"], "nodes": step["gate_nodes"], "ratios": step["gate_ratios"]}
-    assert decision["match"]["prominence_ratio"] == step["prominence_ratio"]
+    decided = content["scene"]["step"]
+    for one, kept in zip(decided["comparisons"], step["comparisons"], strict=True):
+        assert (one["gate"], one["values"], one["threshold"]) == (kept["gate"], kept["values"], kept["threshold"])
+    assert decided["measured"]["prominence_ratio"] == step["prominence_ratio"]
+    assert (content["margin"]["value"], content["margin"]["gate"]) == (step["margin"], step["margin_gate"])
+    assert content["outcome"] in {"refused", "missed"}
     (flip,) = (flip for flip in content["flips"] if flip["gate"] == "prominence")
     assert (flip["parameter"], flip["needed"], flip["passed"]) == ("gamma", step["prominence_ratio"], False)
     assert (content["node_final"], content["placement"]) == (step["node_final"], step["placement"])
@@ -54,7 +57,7 @@ def test_refused_loop_closures_are_listed_with_one_to_go_on_with(two_runs):
     assert result.returncode == 0
     first, header, _, *rows, hint = result.stdout.splitlines()
     assert "refused loop closures with a true match within 1 m" in first
-    assert "| step | room | verdict" in header
+    assert header.split()[1:6:2] == ["step", "room", "verdict"]
     assert len(rows) == 3
     content = json.loads(
         in_process("explain", "b", "--refused", "--ago", "1", "--limit", "3", "--json", cwd=two_runs).stdout

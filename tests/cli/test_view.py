@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from omnieval.recording import view as viewer
-from omnieval.recording.view import check_recording
+from omnieval.recording import viewer
+from omnieval.recording.viewer import check_recording
 from tests.cli.test_cli import SMALL, fails, in_process
 
 
@@ -36,8 +36,32 @@ def test_two_runs_are_opened_together_and_side_by_side(recorded, opened, tmp_pat
     result = in_process("view", "a", "c", cwd=recorded)
     assert result.returncode == 0
     assert "3 recordings: switch with" in result.stderr
-    assert opened == [Path("a/replay.rrd"), Path("c/replay.rrd"), tmp_path / "cache" / "side-by-side.rrd"]
+    assert opened[:-1] == [Path("a/replay.rrd"), Path("c/replay.rrd")]
+    assert opened[-1].parent == tmp_path / "cache"
     assert check_recording(opened[-1]) == 80
+
+
+def test_two_pairs_have_files_of_their_own_and_one_pair_always_the_same(recorded, opened, tmp_path):
+    for pair in ("ac", "ca", "ac"):
+        assert in_process("view", *pair, cwd=recorded).returncode == 0
+    one, other, again = opened[2::3]
+    assert one == again != other
+    assert sorted(tmp_path.glob("cache/side-by-side*")) == sorted([one, other])
+
+
+def test_a_pair_that_is_recorded_again_does_not_touch_the_file_that_somebody_reads(recorded, opened):
+    assert in_process("view", "a", "c", cwd=recorded).returncode == 0
+    with opened[-1].open("rb") as read:
+        before = opened[-1].read_bytes()
+        assert in_process("view", "a", "c", cwd=recorded).returncode == 0
+        assert read.read() == before
+
+
+def test_old_pairs_make_room(recorded, opened, monkeypatch, tmp_path):
+    monkeypatch.setattr("omnieval.cli.view._KEPT", 1)
+    for pair in ("ac", "ca"):
+        assert in_process("view", *pair, cwd=recorded).returncode == 0
+    assert list(tmp_path.glob("cache/side-by-side*")) == [opened[-1]]
 
 
 def test_recordings_are_opened_as_well(recorded, opened):

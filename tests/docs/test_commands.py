@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from omnieval.recording import view as viewer
+from omnieval.recording import viewer
 from tests.cli.test_cli import in_process
 from tests.docs.pages import PAGES, ROOT, blocks
 from tests.docs.site import build, substituted

@@ -12,7 +12,7 @@ import time
 import polars as pl
 
 from omnieval.errors import ResultError
-from omnieval.recording.view import check_recording
+from omnieval.recording.viewer import check_recording
 from omnieval.results.compare import AT_THE_STEP
 from omnieval.results.content import content_hash
 from omnieval.results.manifest import read_manifest, status_of

@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from omnieval.recording.view import _answers, _viewer_binary
+from omnieval.recording.viewer import _answers, _viewer_binary
 from omnieval.results.run_folder import open_run
 from tests.cli.test_cli import in_process
 from tests.faults.commands import OFTEN, REPLAY, begun, end, one_line, start, steps_recorded, wait_for
@@ -64,7 +64,7 @@ def test_a_viewer_that_is_closed_costs_nothing_but_the_view(panoramas, replayed,
 
 
 IMPATIENT = """
-import omnieval.recording.stream as stream
+import omnieval.recording.rerun_stream as stream
 import omnieval.sinks as sinks
 stream._FLUSH_SECONDS = sinks._PATIENCE_S = 0.5
 """
@@ -104,7 +104,7 @@ def test_a_recording_that_cannot_be_written_costs_nothing_but_the_view(panoramas
     def unwritable(descriptor, block):
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("omnieval.recording.drain.os.write", unwritable)
+    monkeypatch.setattr("omnieval.recording.pipe.os.write", unwritable)
     result = in_process("replay", panoramas, *REPLAY, "--out", "run", cwd=tmp_path)
     monkeypatch.undo()
     assert result.returncode == 0

@@ -2,27 +2,30 @@
 
 import math
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from omnieval.explain.decision import best_match, decision
-from omnieval.mapping.config import MapperConfig
+from omnieval.datasets.sequence import Frame, Pose
+from omnieval.explain.scene import Scene
+from omnieval.mapping.interface import Method
+from omnieval.mapping.leader import Leader
+from omnieval.mapping.roman2020.mapper import Roman2020
 from omnieval.mapping.step import (
-    Centroid,
+    Comparison,
+    Curves,
     EventKind,
     FinalMap,
-    Margin,
     Match,
     NodeEvent,
-    NodeGate,
     Placement,
+    Role,
     Step,
-    Verdict,
 )
-from omnieval.recording.pictures import step_images
-from omnieval.recording.records import RecordingInfo, StepView
+from omnieval.recording.compression import step_images
+from omnieval.recording.recorder import RecordingInfo
 from omnieval.recording.rows import Row
 
 GAMMA = 5.0
@@ -31,6 +34,8 @@ N_INIT = 10
 CYCLE = 20
 
 PANORAMA_SHAPE = (32, 128, 3)
+METHOD = Method.of(Roman2020, "roman2020", {"omega": 2.0, "gamma": GAMMA, "seed": 0})
+LEADER = Method.of(Leader, "leader", {"radius": 3.0})
 
 
 def info(steps, recording_id="a-run", **changes):
@@ -38,7 +43,7 @@ def info(steps, recording_id="a-run", **changes):
         "name": "made-up - hog",
         "recording_id": recording_id,
         "steps": steps,
-        "mapper": MapperConfig(gamma=GAMMA),
+        "method": METHOD,
         "cells": CELLS,
         "description": "# made-up\n\nbefore",
         "properties": {"omega": 2.0, "descriptor": "hog", "seed": 0},
@@ -47,30 +52,36 @@ def info(steps, recording_id="a-run", **changes):
     return RecordingInfo(**(values | changes))
 
 
-def match(size, *, best=0, prominence=8.0, mean=1.0, peaks=5, node=1):
-    """A match over the whole map of `size` images, numbered as they stand on the curve."""
+def curves(size, *, best=0, level: float | None = 0.5, names=METHOD.curves):
+    """Curves over the whole map of `size` images, numbered as they stand on them."""
     frames = np.arange(size)
     similarity = 1.0 + np.cos(np.arange(size)) / 2
     similarity[best] = 9.0
-    return Match(
-        frames=frames,
-        slots=frames,
-        map_size=size,
-        position=similarity / similarity.sum(),
-        orientation=similarity / similarity.sum(),
-        similarity=similarity,
-        shifts=np.full(size, 3),
-        best=best,
-        node=node,
-        prominence=prominence,
-        prominence_mean=mean,
-        peaks=peaks,
+    return Curves(
+        frames, frames, size, {name: similarity / (1 + number) for number, name in enumerate(names)}, best, level
     )
 
 
-def step(frame, verdict, node=None, **evidence):
-    values = {"gate": None, "match": None, "centroid": None, "run": 0, "events": (), "active": 1, "pending": 0}
-    return Step(frame=frame, verdict=verdict, node=node, **({"margin": None} | values | evidence))
+def compared(gate, values, threshold, *, of=(), reaches=False, parameter=None, counts=False):
+    """A comparison whose decision any other threshold would turn."""
+    values = tuple(map(float, values))
+    return Comparison(gate, values, threshold, threshold, threshold, parameter, reaches=reaches, of=of, counts=counts)
+
+
+FAR = compared("node", [2.31], 1.85, of=(1,), parameter="omega")
+NEAR = compared("node", [0.5, 40.0], 1.85, of=(1, 2), parameter="omega")
+
+
+def prominence(ratio):
+    return compared("prominence", [ratio], GAMMA, reaches=True, parameter="gamma")
+
+
+def centroid(shift):
+    return compared("centroid", [shift], 0.02)
+
+
+def step(frame, verdict, role, node=None, **evidence):
+    return Step(frame, verdict, role, node, **evidence)
 
 
 def steps(count):
@@ -86,32 +97,28 @@ def _initial(frame):
     if frame == N_INIT - 1:
         created = NodeEvent(EventKind.CREATED, 1, frames=tuple(range(N_INIT)))
         events = (created, NodeEvent(EventKind.ACTIVATED, 1))
-    return step(frame, Verdict.INITIAL, 1, events=events, active=int(bool(events)))
+    return step(frame, "initial", Role.FOUNDING, 1, events=events)
 
 
 def _later(frame):
     cycle, phase = divmod(frame - N_INIT, CYCLE)
-    far = NodeGate(1.85, np.array([1]), np.array([2.31]))
-    near = NodeGate(1.85, np.array([1, 2]), np.array([0.5, 40.0]))
-    evidence = {"gate": near, "margin": Margin(0.25, "node")}
+    matched: dict[str, Any] = {"match": Match(0, 1, 3), "curves": curves(N_INIT)}
     if phase < 10:
-        close = Centroid(0.01, 0.02)
-        return step(frame, Verdict.ASSIGNED, 1, match=match(N_INIT), centroid=close, **evidence)
+        return step(frame, "assigned", Role.JOINED, 1, comparisons=(NEAR, prominence(8.0), centroid(0.01)), **matched)
     if phase < 12:
-        return step(frame, Verdict.PROMINENCE, match=match(N_INIT, prominence=3.1), run=phase - 9, **evidence)
+        return step(frame, "prominence", Role.REFUSED, comparisons=(NEAR, prominence(3.1)), **matched)
     if phase == 12:
-        return step(frame, Verdict.CENTROID, match=match(N_INIT), centroid=Centroid(0.03, 0.02), run=3, **evidence)
+        return step(frame, "centroid", Role.REFUSED, comparisons=(NEAR, prominence(8.0), centroid(0.03)), **matched)
     if phase == 13:
-        return step(frame, Verdict.PENDING, 1, gate=far)
-    run = phase - 13
+        return step(frame, "pending", Role.PENDING, 1, comparisons=(FAR,))
     if phase < CYCLE - 1:
-        return step(frame, Verdict.NO_CANDIDATE, gate=far, run=run)
+        return step(frame, "no-candidate", Role.REFUSED, comparisons=(FAR,))
     node = cycle + 2
     created = NodeEvent(EventKind.CREATED, node, frames=tuple(range(frame - 5, frame + 1)))
     if cycle % 2:
         events = (created, NodeEvent(EventKind.MERGED, node, into=1))
-        return step(frame, Verdict.NO_CANDIDATE, 1, gate=far, run=run, events=events)
-    return step(frame, Verdict.NO_CANDIDATE, node, gate=far, run=run, events=(created,), pending=1)
+        return step(frame, "no-candidate", Role.REFUSED, 1, comparisons=(FAR,), events=events)
+    return step(frame, "no-candidate", Role.REFUSED, node, comparisons=(FAR,), events=(created,))
 
 
 def by_entity(rows: Iterable[tuple[str, Row]]) -> dict[str, Any]:
@@ -119,27 +126,22 @@ def by_entity(rows: Iterable[tuple[str, Row]]) -> dict[str, Any]:
     return dict(rows)
 
 
-def view(a_step, *, poses=True, room=True, silhouette=0.25):
-    angle = a_step.frame / 20
-    return StepView(
-        step=a_step,
-        milliseconds=1.5,
-        position=(6 + 5 * math.cos(angle), 2 + 3 * math.sin(angle)) if poses else None,
-        yaw=angle if poses else None,
-        room=("KT" if a_step.frame % 60 < 30 else "LR") if room else None,
-        time_ns=1_152_904_768_000_000_000 + 200_000_000 * a_step.frame if poses else None,
-        silhouette=silhouette,
-        file=f"image-{a_step.frame}.jpeg",
+def image(frame, *, poses=True, room=True):
+    """Where and when the image of a step was taken: on an ellipse that takes 126 steps."""
+    angle = frame / 20
+    return Frame(
+        Path(),
+        f"image-{frame}.jpeg",
+        1_152_904_768_000_000_000 + 200_000_000 * frame if poses else None,
+        Pose(6 + 5 * math.cos(angle), 2 + 3 * math.sin(angle), angle) if poses else None,
+        ("KT" if frame % 60 < 30 else "LR") if room else None,
     )
 
 
-def decided(a_step, **surroundings):
+def scene(a_step, revisit=None, **surroundings):
     """A step with its surroundings, and those of its best match."""
-    here = view(a_step, **surroundings).capture
-    if a_step.match is None:
-        return decision(a_step, here, None)
-    there = view(step(a_step.match.best_frame, Verdict.INITIAL), **surroundings).capture
-    return decision(a_step, here, best_match(a_step.match, here, there, CELLS))
+    best = None if a_step.match is None else image(a_step.match.frame, **surroundings)
+    return Scene(a_step, image(a_step.frame, **surroundings), best, revisit, CELLS)
 
 
 def picture(shape, seed):
@@ -151,7 +153,7 @@ def picture(shape, seed):
 
 
 def images(a_step, *, shape=PANORAMA_SHAPE, omnidirectional=(48, 64, 3)):
-    a_match = picture(shape, a_step.match.best_frame) if a_step.match is not None else None
+    a_match = picture(shape, a_step.match.frame) if a_step.match is not None else None
     camera = None if omnidirectional is None else picture(omnidirectional, a_step.frame)
     shift = a_step.match.shift if a_step.match is not None else 0
     return step_images(picture(shape, a_step.frame), camera, a_match, shift=shift, cells=CELLS)

@@ -10,8 +10,7 @@ from rerun.chunk import RrdReader
 
 import omnieval
 from omnieval.errors import OmnievalError, ResultError
-from omnieval.recording import notebook
-from omnieval.recording.records import RecordingOptions
+from omnieval.recording import RecordingOptions, notebook
 from tests.recording.test_blueprint import views
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import DatasetError, ResultError
-from omnieval.mapping.conditions import gate_threshold
+from omnieval.mapping.roman2020.conditions import gate_threshold
 from omnieval.mapping.step import Match
 from omnieval.metrics.silhouette import silhouettes
 from omnieval.palette import node_color, node_shape

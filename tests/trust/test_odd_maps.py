@@ -8,8 +8,8 @@ from typing import Any, get_args
 import numpy as np
 import polars.selectors as cs
 import pytest
-
 from omnieval.mapping.config import MapperConfig
+
 from omnieval.mapping.step import Placement
 from omnieval.metrics.evaluation import METRICS, evaluate
 from omnieval.results.run_folder import open_run

@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
 from omnieval.errors import OmnievalError, ResultError
-from omnieval.recording import layout
+from omnieval.recording import entities
 
 _LOOPBACK = "127.0.0.1"
 _START_SECONDS = 20.0
@@ -30,6 +30,9 @@ _DEFAULT_PORT = 9876
 _HTTP2_GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
 """The connection preface of HTTP/2, on which gRPC runs, with an empty SETTINGS frame (RFC 9113, 3.4)."""
 _SETTINGS_FRAME = 4
+
+_DISPLAYS = ("WAYLAND_DISPLAY", "DISPLAY")
+"""What says where windows go, outside Windows and macOS."""
 
 _LAUNCHED: list[subprocess.Popen[bytes]] = []
 """Viewers go on without us; Python would complain of a process that is forgotten while it runs."""
@@ -105,12 +108,12 @@ def check_recording(path: Path) -> int:
     """
     if not path.is_file():
         raise ResultError(f"no recording at {path}; name an .rrd file")
-    content = layout.LOG_DECISION
+    content = entities.LOG_DECISION
     try:
         with warnings.catch_warnings():
             # The recording of a killed run has no footer, which costs time but no step.
             warnings.simplefilter("ignore", RerunWarning)
-            chunks = RrdReader(path).stream().filter(content=content, has_timeline=layout.STEP)
+            chunks = RrdReader(path).stream().filter(content=content, has_timeline=entities.STEP)
             steps = sum(chunk.num_rows for chunk in chunks)
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())
@@ -147,6 +150,8 @@ def _let_fail(viewer: subprocess.Popen[bytes], output: IO[bytes], *, seconds: fl
         output.seek(0)
         said = output.read().decode(errors="replace").split("\n")
         last = next((line.strip() for line in reversed(said) if line.strip()), f"exit code {code}")
+        if sys.platform == "linux" and not any(map(os.environ.get, _DISPLAYS)):
+            last = f"there is no display ({' and '.join(_DISPLAYS)} are not set)"
         raise OmnievalError(f"the viewer cannot start: {last}; it needs a display and a graphics driver")
 
 

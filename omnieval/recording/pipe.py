@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 from omnieval.errors import ResultError
+from omnieval.results.atomic import is_temporary, named
 
 if sys.platform != "win32":
     import fcntl
@@ -32,7 +33,7 @@ class PipedFile:
 
     The bytes go to ``NAME.partial.rrd`` beside `path`, which `close` gives its name once all of them are on the
     disk: `path` appears whole or not at all, and a killed process leaves what was flushed, readable, in the
-    partial file.
+    partial file. What is temporary already (`atomic.replacing`) is written as it is.
 
     Raises
     ------
@@ -42,16 +43,15 @@ class PipedFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+        self.partial = path if is_temporary(path) else path.with_name(f"{path.stem}.partial{path.suffix}")
         self.error: OSError | None = None
         if path.is_dir():
             raise ResultError(f"cannot record to {path}: it is a folder; name a file")
         try:
             self._file = os.open(self.partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
         except OSError as error:
-            raise ResultError(
-                f"cannot record to {path}: {error.strerror or error}; choose a folder that exists and is writable"
-            ) from error
+            said = f"cannot record to {named(path)}: {error.strerror or error}"
+            raise ResultError(f"{said}; choose a folder that exists and is writable") from error
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._read_end = self._write_end = -1

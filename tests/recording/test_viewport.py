@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnieval.recording.window import extent_of, map_window
+from omnieval.recording.viewport import extent_of, map_window
 
 SIZES = st.floats(0.0, 500.0)
 

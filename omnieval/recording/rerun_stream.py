@@ -12,9 +12,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omnieval.errors import ResultError
-from omnieval.recording import layout
-from omnieval.recording.drain import PipedFile
+from omnieval.recording import entities
+from omnieval.recording.pipe import PipedFile
 from omnieval.recording.rows import Row
+from omnieval.results.atomic import named
 
 Content = rr.AsComponents | list[rr.DescribedComponentBatch]
 
@@ -36,14 +37,14 @@ class Stream:
     ----------
     path
         Where the file goes; None for a viewer alone.
+    application_id
+        What kind of recording it is: those of one kind are shown alike.
     recording_id
         Unique to the run.
     blueprint
         How the recording is shown.
     viewer
         URL of a viewer that shows it live.
-    application_id
-        What kind of recording it is: those of one kind are shown alike.
 
     Raises
     ------
@@ -55,15 +56,16 @@ class Stream:
         self,
         path: Path | None,
         *,
+        application_id: str,
         recording_id: str,
         blueprint: rrb.Blueprint,
         viewer: str | None = None,
-        application_id: str = layout.APPLICATION_ID,
     ) -> None:
         if path is None and viewer is None:
             raise ResultError("a recording needs somewhere to go: name a file, or show it in a viewer")
         self.failure: str | None = None
         self._ended = self._closed = False
+        self._application_id = application_id
         self._viewer = viewer
         self._flush_steps = FLUSH_STEPS if viewer is None else LIVE_FLUSH_STEPS
         self._times: list[tuple[int, int | None]] = []
@@ -77,7 +79,9 @@ class Stream:
             if self._file is not None:
                 self._file.close(keep=False)
                 self._file.partial.unlink(missing_ok=True)
-            raise ResultError(f"cannot open the recording {path or viewer}: {_one_line(error)}") from error
+            raise ResultError(
+                f"cannot open the recording {named(path) if path else viewer}: {_one_line(error)}"
+            ) from error
         if self._file is not None:
             self._file.opened()
 
@@ -88,9 +92,9 @@ class Stream:
 
     def follow(self, blueprint: rrb.Blueprint) -> None:
         """Show the viewer a blueprint of its own; the file keeps the one it was opened with."""
-        self._do(lambda: blueprint.connect_grpc(layout.APPLICATION_ID, url=self._viewer, make_default=False))
+        self._do(lambda: blueprint.connect_grpc(self._application_id, url=self._viewer, make_default=False))
 
-    def name(self, name: str, properties: Mapping[str, str | float | int]) -> None:
+    def name(self, name: str, properties: Mapping[str, object]) -> None:
         """Say what distinguishes this recording from others.
 
         Values become text: Rerun wants one type a name for the whole process, whatever run it belongs to.
@@ -169,7 +173,7 @@ class Stream:
     def _note_file_error(self, file: PipedFile) -> None:
         if file.error is not None and not self._ended:
             reason = file.error.strerror or str(file.error)
-            self.failure = f"recording stopped: cannot write {file.partial}: {reason}"
+            self.failure = f"recording stopped: cannot write {named(file.partial)}: {reason}"
             self._ended = True
 
     def _fail(self, error: Exception, *, ended: bool) -> None:
@@ -196,6 +200,11 @@ class Stream:
         return sinks
 
 
+def leave_behind() -> None:
+    """Let this process end although a recording is not complete: Rerun would wait for it once more when Python ends."""
+    rr.unregister_shutdown()
+
+
 def _new_recording(application_id: str, recording_id: str) -> rr.RecordingStream:
     """Return a stream that cuts no chunk by the clock and logs no wall-clock time."""
     recording = rr.RecordingStream(
@@ -211,10 +220,10 @@ def _new_recording(application_id: str, recording_id: str) -> rr.RecordingStream
 
 
 def _time_columns(times: list[tuple[int, int | None]]) -> list[rr.TimeColumn]:
-    columns = [rr.TimeColumn(layout.STEP, sequence=[step for step, _ in times])]
+    columns = [rr.TimeColumn(entities.STEP, sequence=[step for step, _ in times])]
     stamps = [stamp for _, stamp in times if stamp is not None]
     if len(stamps) == len(times):
-        columns.append(rr.TimeColumn(layout.CAPTURE, timestamp=np.array(stamps, "datetime64[ns]")))
+        columns.append(rr.TimeColumn(entities.CAPTURE, timestamp=np.array(stamps, "datetime64[ns]")))
     return columns
 
 

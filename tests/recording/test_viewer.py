@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from omnieval.errors import OmnievalError, ResultError
-from omnieval.recording import view as viewer
+from omnieval.recording import viewer
 from omnieval.recording.digest import digest
 from omnieval.recording.recorder import Recorder
-from omnieval.recording.view import check_recording, check_viewer, open_viewer, start_viewer
-from tests.recording.replays import info, steps, view
+from omnieval.recording.viewer import check_recording, check_viewer, open_viewer, start_viewer
+from tests.recording.replays import image, info, steps
 
 needs_scripts = pytest.mark.skipif(sys.platform == "win32", reason="stands in for the viewer with a script")
 
@@ -26,7 +26,7 @@ def recording(tmp_path):
     path = tmp_path / "replay.rrd"
     with Recorder(path, info(60)) as recorder:
         for a_step in steps(60):
-            recorder.log(view(a_step))
+            recorder.log(a_step, image(a_step.frame), 1.5)
     return path
 
 
@@ -68,10 +68,10 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from omnieval.recording.recorder import Recorder
-from tests.recording.replays import info, steps, view
+from tests.recording.replays import image, info, steps
 recorder = Recorder(Path(sys.argv[1]), info(120))
 for step in steps(101):
-    recorder.log(view(step))
+    recorder.log(step, image(step.frame), 1.5)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -94,11 +94,23 @@ def test_the_viewer_is_given_the_recordings_and_the_loopback_address(monkeypatch
 
 @needs_scripts
 def test_a_viewer_that_cannot_start_says_why(monkeypatch, tmp_path, recording):
-    stand_in(monkeypatch, tmp_path, "print('no display'); print(); sys.exit(3)")
-    with pytest.raises(OmnievalError, match="cannot start: no display"):
+    stand_in(monkeypatch, tmp_path, "print('no driver'); print(); sys.exit(3)")
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(OmnievalError, match="cannot start: no driver"):
         open_viewer([recording])
-    with pytest.raises(OmnievalError, match="cannot start: no display"):
+    with pytest.raises(OmnievalError, match="cannot start: no driver"):
         start_viewer()
+
+
+@needs_scripts
+@pytest.mark.skipif(sys.platform == "darwin", reason="has a display without saying so")
+def test_a_viewer_without_a_display_says_so_and_names_no_source_file(monkeypatch, tmp_path, recording):
+    stand_in(monkeypatch, tmp_path, "print('Error: winit /root/.cargo/registry/src/lib.rs:42'); sys.exit(1)")
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(OmnievalError, match="cannot start: there is no display") as error:
+        open_viewer([recording])
+    assert "winit" not in str(error.value)
 
 
 def test_a_viewer_that_is_not_there_says_so(monkeypatch, tmp_path, recording):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-from omnieval.recording.records import StepImages
 
 PANORAMA_COLUMNS = 512
 """Widest panorama that is recorded, px: the width the descriptors see."""
@@ -15,6 +15,25 @@ OMNIDIRECTIONAL_SIZE = 256
 PANORAMA_QUALITY = 85
 OMNIDIRECTIONAL_QUALITY = 80
 """JPEG qualities, 0..100; three pictures a step have to stay within 60 kB."""
+
+
+@dataclass(frozen=True)
+class StepImages:
+    """The pictures of a step, compressed to JPEG.
+
+    Attributes
+    ----------
+    panorama
+        The new image, unwrapped.
+    omnidirectional
+        The new image as the camera took it; None for panoramic input.
+    match
+        Panorama of the most similar image of the map, turned to the new image's heading; None without a match.
+    """
+
+    panorama: bytes
+    omnidirectional: bytes | None
+    match: bytes | None
 
 
 def step_images(

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from omnieval.recording.pictures import (
+from omnieval.recording.compression import (
     OMNIDIRECTIONAL_SIZE,
     PANORAMA_COLUMNS,
     encode_omnidirectional,
