@@ -17,7 +17,7 @@ from omnieval.errors import ConfigError, DatasetError, ResultError
 from omnieval.loop import describe_archive, map_archive, replay
 from omnieval.recording import RecordingOptions
 from omnieval.render import render
-from omnieval.results.run_folder import open_run
+from omnieval.results.run_folder import RunWriter, open_run
 from omnieval.results.schemas import DECISIONS, NODES, STEPS, TRANSITIONS
 from tests.testing.test_mapper import Slices
 
@@ -236,7 +236,37 @@ def test_an_interrupted_run_keeps_its_steps(panoramas, tmp_path):
         replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run", progress=interrupt)
     run = open_run(tmp_path / "run")
     assert (run.status, len(run.steps)) == ("interrupted", 42)
+    shorter = replay(load(panoramas).cut(limit=42), config=omnieval.configure(CONFIG), out=tmp_path / "shorter")
+    assert run.manifest["dataset_fingerprint"] == shorter.manifest["dataset_fingerprint"]
     assert render(run).exists()
+
+
+def test_a_step_that_is_not_kept_is_not_in_the_fingerprint(panoramas, tmp_path, monkeypatch):
+    kept = RunWriter.step
+
+    def step(writer, row):
+        if row["frame"] == 30:
+            raise MemoryError
+        kept(writer, row)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunWriter, "step", step)
+        with pytest.raises(MemoryError):
+            replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    run = open_run(tmp_path / "run")
+    assert (run.status, len(run.steps)) == ("failed", 30)
+    shorter = replay(load(panoramas).cut(limit=30), config=omnieval.configure(CONFIG), out=tmp_path / "shorter")
+    assert run.manifest["dataset_fingerprint"] == shorter.manifest["dataset_fingerprint"]
+
+
+def test_a_run_without_a_step_has_no_fingerprint(panoramas, tmp_path, monkeypatch):
+    def step(writer, row):
+        raise MemoryError
+
+    monkeypatch.setattr(RunWriter, "step", step)
+    with pytest.raises(MemoryError):
+        replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    assert "dataset_fingerprint" not in open_run(tmp_path / "run").manifest
 
 
 def test_the_manifest_says_where_everything_comes_from(run, panoramas):

@@ -7,6 +7,7 @@ set by ``OMNIEVAL_FUZZ`` (examples a test); the default is small and always the 
 from __future__ import annotations
 
 import io
+import json
 import math
 import os
 import zipfile
@@ -188,7 +189,14 @@ def test_an_assignment_is_taken_or_refused(data):
         config = resolve([parse_assignment(text_of(data))])
     except ConfigError:
         return
-    assert Config.model_validate(config.model_dump(mode="json")) == config
+    assert survives_the_manifest(config)
+
+
+def survives_the_manifest(config):
+    """Whether ``run.json`` gives a configuration back as it was."""
+    about = {"mapper": config.mapper.about, "descriptor": config.descriptor.about}
+    told = json.loads(json.dumps(about | {"imaging": config.imaging.model_dump(mode="json")}))
+    return Config.of_run(told) == config
 
 
 @fuzzed
@@ -198,7 +206,7 @@ def test_a_value_is_taken_or_refused(name, value):
     if config is None:
         assert name in refusal
     else:
-        assert Config.model_validate(config.model_dump(mode="json")) == config
+        assert survives_the_manifest(config)
 
 
 @fuzzed
@@ -209,7 +217,7 @@ def test_a_file_of_parameters_is_taken_or_refused(place, data):
     assert config is not None or str(place / "mine.toml") in refusal
 
 
-REFERENCE = b"""schema_version = 1
+REFERENCE = b"""schema_version = 2
 [[case]]
 name = "night"
 source = "synthetic:night"

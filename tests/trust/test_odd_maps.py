@@ -8,14 +8,14 @@ from typing import Any, get_args
 import numpy as np
 import polars.selectors as cs
 import pytest
-from omnieval.mapping.config import MapperConfig
 
+from omnieval.mapping.roman2020.settings import Roman2020Settings
 from omnieval.mapping.step import Placement
 from omnieval.metrics.evaluation import METRICS, evaluate
 from omnieval.results.run_folder import open_run
 from tests.trust.inputs import CommandLine
 
-COVARIANCES = get_args(MapperConfig.model_fields["covariance"].annotation)
+COVARIANCES = get_args(Roman2020Settings.model_fields["covariance"].annotation)
 SHARES = {name for name in METRICS if name.startswith("share_")}
 OVER_POSITIONS = {name for name in METRICS if name.startswith("silhouette")}
 OVER_ROOMS = {name for name in METRICS if name.startswith("rooms")}
