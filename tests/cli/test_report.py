@@ -56,7 +56,7 @@ def test_a_report_lies_beside_its_first_path_and_is_replaced_only_when_asked(res
     assert in_process(*arguments, "--overwrite", cwd=tmp_path).returncode == 0
 
 
-@pytest.mark.parametrize(("form", "words"), [("md", "| --- |"), ("latex", r"\begin{tabular}")])
+@pytest.mark.parametrize(("form", "words"), [("md", "|:---"), ("latex", r"\begin{tabular}")])
 def test_tables_alone_go_to_stdout(results, tmp_path, form, words):
     paths = [results / name for name in ("run", "sweep", "spectral")]
     result = in_process("report", *paths, "--format", form, cwd=tmp_path)
