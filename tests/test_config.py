@@ -104,7 +104,7 @@ def test_a_component_that_is_given_keeps_its_settings_but_for_those_that_are_set
 
 
 def test_what_is_given_besides_a_configuration_changes_it():
-    config = configure(mapper="leader", radius=2.0, **{"imaging.rows": 64})
+    config = configure({"imaging.rows": 64}, mapper="leader", radius=2.0)
     assert as_config(config) is config
     changed = as_config(config, descriptor="gist")
     assert (changed.mapper, changed.imaging, changed.descriptor.name) == (config.mapper, config.imaging, "gist")
@@ -131,7 +131,7 @@ def test_presets_are_those_of_the_mapper():
 
 
 def test_a_run_gives_its_configuration_back():
-    config = configure(mapper="leader", radius=2.0, descriptor="gist", **{"gist.levels": 3, "imaging.rows": 64})
+    config = configure({"gist.levels": 3, "imaging.rows": 64}, mapper="leader", radius=2.0, descriptor="gist")
     manifest = {"mapper": config.mapper.about, "descriptor": config.descriptor.about}
     read = Config.of_run(json.loads(json.dumps(manifest | {"imaging": config.imaging.model_dump(mode="json")})))
     assert read == config
@@ -142,8 +142,11 @@ def test_a_run_gives_its_configuration_back():
 
 def test_all_faults_are_named_at_once():
     with pytest.raises(ConfigError) as raised:
-        configure({"omega": -1, "n_new": "many"})
-    for part in ("omega: expected greater than 0, got -1", "n_new: expected"):
+        configure({"omega": -1, "n_new": "many", "hog.bins": 1, "imaging.rows": 0, "leader.radius": 0})
+    for part in (
+        *("omega: expected greater than 0, got -1", "n_new: expected", "hog.bins: expected greater"),
+        *("imaging.rows: expected", "leader.radius: expected"),
+    ):
         assert part in str(raised.value)
     with pytest.raises(ConfigError) as raised:
         configure({"omgea": 2, "gama": 3, "hog.bin": 4})

@@ -21,6 +21,7 @@ def at_the_step(steps):
     """The columns of a step that are settled when it is taken."""
     return steps.drop("node_final", "placement", "forced", "milliseconds")
 
+
 SHUFFLED = """
 import os, random
 scandir, listdir = os.scandir, os.listdir

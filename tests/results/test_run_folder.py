@@ -12,15 +12,17 @@ import pytest
 
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.errors import ResultError
-from omnieval.mapping.step import EventKind, NodeEvent, Step, Verdict
+from omnieval.mapping.partition import Partition
+from omnieval.mapping.step import EventKind, NodeEvent, Role, Step
 from omnieval.results.run_folder import RunWriter, free_folder, open_run
 from omnieval.results.schemas import SCHEMA_VERSION, STEPS
 from omnieval.results.tables import step_from_row, step_row, steps_frame
 
 
 def a_row(number, *, events=()):
-    step = Step(number, Verdict.INITIAL, 1, None, None, None, 0, tuple(events), 1, 0, None)
-    return step_row(step, Frame(path=Path(), file=f"{number}.png", pose=Pose(1.0, 2.0, 0.5), room="CR"), 0.25)
+    step = Step(number, "initial", Role.FOUNDING, 1, events=tuple(events))
+    frame = Frame(path=Path(), file=f"{number}.png", pose=Pose(1.0, 2.0, 0.5), room="CR")
+    return step_row(step, frame, Partition(), 0.25)
 
 
 def finished(folder, rows=1):
@@ -267,13 +269,14 @@ def test_events_survive_the_table(tmp_path):
         writer.step(a_row(7, events=events))
         writer.finish({"steps": writer.steps()}, {})
     (row,) = open_run(tmp_path / "run").steps.iter_rows(named=True)
-    assert step_from_row(row).events == events
+    assert step_from_row(row, ()).events == events
 
 
 def test_times_are_nanoseconds_since_the_epoch(tmp_path):
-    step = Step(0, Verdict.INITIAL, 1, None, None, None, 0, (), 1, 0, None)
+    step = Step(0, "initial", Role.FOUNDING, 1)
+    frame = Frame(path=Path(), file="a", time_ns=1_152_904_768_652_404_000)
     with RunWriter(tmp_path / "run", {}) as writer:
-        writer.step(step_row(step, Frame(path=Path(), file="a", time_ns=1_152_904_768_652_404_000), 0.1))
+        writer.step(step_row(step, frame, Partition(), 0.1))
         assert writer.steps()["time"].cast(pl.Int64).to_list() == [1_152_904_768_652_404_000]
 
 
@@ -289,7 +292,7 @@ def test_a_folder_of_our_choice_is_always_in_its_parent(tmp_path, name):
     ("error", "reason"), [(KeyboardInterrupt(), "interrupted by the user"), (MemoryError(), "MemoryError")]
 )
 def test_what_ends_a_complete_run_early_can_only_have_cost_the_recording(tmp_path, error, reason):
-    whole = steps_frame([a_row(0)]).with_columns(node_final=pl.lit(1, pl.Int32))
+    whole = steps_frame([a_row(0)], ()).with_columns(node_final=pl.lit(1, pl.Int32))
 
     def write():
         with RunWriter(tmp_path / "run", {}) as writer:
