@@ -1,6 +1,7 @@
 """What the documentation lists is what there is: columns, keys, parameters, metrics, commands."""
 
 import json
+import re
 import runpy
 
 import polars as pl
@@ -111,3 +112,13 @@ def test_generated_pages_are_current(page):
 def test_the_explained_decision_of_the_readme_is_that_of_the_pictures():
     explained = (DOCS / "pictures" / "explained.txt").read_text("utf-8")
     assert f"```text\n{explained.rstrip()}\n```" in (ROOT / "README.md").read_text("utf-8")
+
+
+def test_the_descriptor_of_the_readme_is_that_of_the_examples():
+    example = (DOCS / "examples" / "bands.py").read_text("utf-8").split('"""\n\n', maxsplit=1)[1]
+    assert f"```python\n{example}```" in (ROOT / "README.md").read_text("utf-8")
+
+
+def test_the_changelog_begins_with_this_version():
+    versions = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    assert versions == [omnieval.__version__, "0.1.0"]
