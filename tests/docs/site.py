@@ -27,6 +27,7 @@ STANDS_FOR = {
     "/data/panoramas": "{site}/data/house",
     "innova:/data/innova": "innova:{site}/innova",
     "docs/examples/": "{root}/docs/examples/",
+    "mine.py:Mine": "{root}/docs/examples/bands.py:Bands",
     # A grid as large as the paper's is no better a test than a small one.
     "figures-9-10": "figures-9-10 --vary omega=1.7,2.3 --vary merge_y=0.75,2.25",
     "omega=1.7:2.3:0.15": "omega=1.7,2.3",
