@@ -104,7 +104,7 @@ def test_a_damaged_table_and_unknown_parameters_are_named(run, baseline, tmp_pat
     manifest = json.loads((foreign / "run.json").read_text())
     manifest["imaging"]["warp"] = 9
     (foreign / "run.json").write_text(json.dumps(manifest))
-    with pytest.raises(ResultError, match="parameters this omnieval does not know"):
+    with pytest.raises(ResultError, match="does not say what was run"):
         open_sources([foreign])
 
 
