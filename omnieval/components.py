@@ -265,9 +265,9 @@ def find_class(kind: Kind, spec: str) -> Any:
 
 
 def settings_model(cls: Any) -> type[BaseModel] | None:
-    """Return the model of a component's parameters; None if it declares none."""
+    """Return the model of a component's parameters; None if it declares none, or a base class one without any."""
     model = getattr(cls, "Settings", None)
-    return model if inspect.isclass(model) and issubclass(model, BaseModel) else None
+    return model if inspect.isclass(model) and issubclass(model, BaseModel) and model.model_fields else None
 
 
 def digest_of(content: Any) -> str:
@@ -322,7 +322,7 @@ def plain_settings(given: Any) -> dict[str, Any]:
     settings = getattr(given, "settings", None)
     if model is not None and not isinstance(settings, model):
         settings = next((value for value in _held(given).values() if isinstance(value, model)), settings)
-    if isinstance(settings, BaseModel):
+    if isinstance(settings, BaseModel) and type(settings).model_fields:
         return settings.model_dump(mode="json")
     if isinstance(settings, Mapping):
         return copy.deepcopy(dict(settings))

@@ -12,6 +12,7 @@ import inspect
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -179,12 +180,15 @@ def resolve(
     ]
     if faults:
         raise ConfigError("; ".join(dict.fromkeys(faults)))
-    return Config(
-        _made("mapper", mapper, all_owners[0], applied),
-        _made("descriptor", descriptor, all_owners[2], applied),
-        *(_validated(owner, applied) for owner in all_owners if owner.kind is None),
-        *_check_the_rest(all_owners, applied),
+    others = [owner for owner in all_owners[3:] if any(whose == owner.name for whose, _ in applied)]
+    made = _together(
+        lambda: _made("mapper", mapper, all_owners[0], applied),
+        lambda: _made("descriptor", descriptor, all_owners[2], applied),
+        lambda: _validated(all_owners[1], applied),
+        # Files may set the parameters of components that were not chosen: for when they are.
+        *(partial(_validated, owner, applied) for owner in others),
     )
+    return Config(*made[:3])
 
 
 def configure(
@@ -342,12 +346,17 @@ def _validated(owner: Owner, applied: Mapping[tuple[str, str], Setting]) -> Any:
     return _explaining(owner, applied, lambda: model.model_validate(values))
 
 
-def _check_the_rest(all_owners: Iterable[Owner], applied: Mapping[tuple[str, str], Setting]) -> tuple[()]:
-    """See that what is set of components that were not chosen is valid too: files may set those of all."""
-    for owner in all_owners:
-        if not owner.chosen and any(whose == owner.name for whose, _ in applied):
-            _validated(owner, applied)
-    return ()
+def _together(*makers: Callable[[], Any]) -> list[Any]:
+    """Return what is made, or raise what is wrong with all of it at once."""
+    made, faults = [], []
+    for make in makers:
+        try:
+            made.append(make())
+        except ConfigError as error:
+            faults.append(str(error))
+    if faults:
+        raise ConfigError("; ".join(faults))
+    return made
 
 
 def _explaining(owner: Owner, applied: Mapping[tuple[str, str], Setting], make: Callable[[], Any]) -> Any:

@@ -181,7 +181,6 @@ def run(
     method = Method.of(mapper, config.mapper.name, config.mapper.settings)
     with RunWriter(folder, _manifest(material, config, method), overwrite=overwrite) as writer:
         trace = _Trace()
-        writer.known_early = lambda: {"dataset_fingerprint": trace.fingerprint(material)}
         sink = None
         try:
             if recording:
@@ -225,9 +224,9 @@ class _Trace:
         if margin and (self.smallest_margin is None or margin.value < float(self.smallest_margin["value"])):
             self.smallest_margin = {"value": margin.value, "frame": step.frame, "gate": margin.gate}
 
-    def fingerprint(self, material: Material) -> str:
-        """Return the fingerprint of the images so far."""
-        return dataset_fingerprint(material.frames[: len(self.digests)], self.digests)
+    def told(self, frames: tuple[Frame, ...], steps: int) -> dict[str, Any]:
+        """Return what ``run.json`` says of a run that came to this many steps, which may be fewer than were traced."""
+        return {"dataset_fingerprint": dataset_fingerprint(frames[:steps], self.digests[:steps])} if steps else {}
 
 
 def _run(
@@ -241,6 +240,7 @@ def _run(
 ) -> Run:
     started = time.perf_counter()
     partition = Partition()
+    writer.when_abandoned = lambda: trace.told(material.frames, len(writer.steps()))
     for frame, described, step, milliseconds in _steps(mapper, material):
         partition.apply(step)
         trace.add(described, step, milliseconds)
@@ -304,7 +304,7 @@ def _outcome(
     material: Material, mapper: Component, trace: _Trace, evaluation: Evaluation, seconds: float
 ) -> dict[str, Any]:
     """Return what ``run.json`` says besides when the run is complete."""
-    fingerprint = trace.fingerprint(material)
+    fingerprint = dataset_fingerprint(material.frames, trace.digests)
     determining = {"mapper": mapper.identity, **material.determining}
     return {
         "dataset_fingerprint": fingerprint,

@@ -7,6 +7,7 @@ them is held against the tables; where that cannot be done any more, the recordi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from omnieval.errors import ResultError
@@ -15,9 +16,9 @@ from omnieval.material import Material, archive_file, reopened
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.recording import RecordingOptions
 from omnieval.remap import remapped
-from omnieval.results.atomic import replacing
+from omnieval.results.atomic import is_temporary, replacing
 from omnieval.results.folder import hold_folder
-from omnieval.results.run_folder import Run
+from omnieval.results.run_folder import PARTIAL_RECORDING, RECORDING, Run
 from omnieval.results.tables import final_map, read_steps
 from omnieval.sinks import RecordingSink
 
@@ -51,21 +52,37 @@ def render(
     ResultError
         If it has changed since, the run is still being written, or the recording cannot be written.
     """
-    with hold_folder(run.folder), replacing(run.recording) as temporary:
-        lost = {kind: why for kind in ("descriptor", "mapper") if (why := _lost(run, kind))}
-        if lost and note:
-            note(f"the recording has no similarity curves: {'; '.join(lost.values())}")
-        with reopened(run, describe="descriptor" not in lost) as material:
-            sink = RecordingSink(temporary, material, run.method, options or RecordingOptions())
-            try:
-                _record(run, material, _recorded(run, material) if lost else remapped(run, material), sink, progress)
-            finally:
-                sink.close()
-        if sink.lacking:
-            raise sink.lacking
-        if sink.failure:
-            raise ResultError(f"the recording {run.recording} was not made: {sink.failure}")
+    with hold_folder(run.folder):
+        with replacing(run.recording) as temporary:
+            _render(run, temporary, options or RecordingOptions(), progress, note)
+        # What killed processes left is in the whole one, and does no harm beside it.
+        killed = [path for path in run.folder.glob(".*.tmp") if is_temporary(path, of=RECORDING)]
+        for left in (run.folder / PARTIAL_RECORDING, *killed):
+            with suppress(OSError):
+                left.unlink()
     return run.recording
+
+
+def _render(
+    run: Run,
+    path: Path,
+    options: RecordingOptions,
+    progress: Callable[[int, int], None] | None,
+    note: Callable[[str], None] | None,
+) -> None:
+    lost = {kind: why for kind in ("descriptor", "mapper") if (why := _lost(run, kind))}
+    if lost and note:
+        note(f"the recording has no similarity curves: {'; '.join(lost.values())}")
+    with reopened(run, describe="descriptor" not in lost) as material:
+        sink = RecordingSink(path, material, run.method, options)
+        try:
+            _record(run, material, _recorded(run, material) if lost else remapped(run, material), sink, progress)
+        finally:
+            sink.close()
+    if sink.lacking:
+        raise sink.lacking
+    if sink.failure:
+        raise ResultError(f"the recording {run.recording} was not made: {sink.failure}")
 
 
 def _record(

@@ -71,7 +71,7 @@ def aligned(rows: Iterable[Sequence[str]], at: str) -> list[str]:
     >>> aligned([("nodes", "3"), ("gamma", "12")], "lr")
     ['nodes   3', 'gamma  12']
     """
-    return _table([list(map(shown, row)) for row in rows], (), at, "plain")
+    return _table([list(map(shown, row)) for row in rows], at, "plain")
 
 
 def markdown(columns: Sequence[str], rows: Sequence[Sequence[Cell]], write: Callable[[Cell], str] = cell_text) -> str:
@@ -89,19 +89,21 @@ def markdown(columns: Sequence[str], rows: Sequence[Sequence[Cell]], write: Call
     Examples
     --------
     >>> print(markdown(("run", "n_new"), [("a|b", 20)]))
-    | run   |   n_new |
-    |:------|--------:|
-    | a\|b  |      20 |
+    | run  | n_new |
+    |:-----|------:|
+    | a\|b |    20 |
     """
-    texts = [[markdown_text(write(cell)) for cell in row] for row in rows]
-    return "\n".join(_table(texts, [*map(markdown_text, columns)], sides(len(columns), rows), "pipe"))
+    texts = [[markdown_text(write(cell)) for cell in row] for row in (columns, *rows)]
+    rule, head, *body = _table(texts, sides(len(columns), rows), "pipe")
+    return "\n".join([head, rule, *body])
 
 
 def latex(columns: Sequence[str], rows: Sequence[Sequence[Cell]]) -> list[str]:
     """Return the lines of a ``tabular`` for the package ``booktabs``: four of its head, one a row, two of its end."""
-    texts = [[_one_line(typeset(cell)) for cell in row] for row in rows]
-    lines = _table(texts, [*map(_one_line, columns)], sides(len(columns), rows), "latex_booktabs")
-    return [line.translate(_SIGNS).strip() for line in lines]
+    texts = [[_one_line(typeset(cell)) for cell in row] for row in (columns, *rows)]
+    lines = _table(texts, sides(len(columns), rows), "latex_booktabs")
+    begin, top, head, *others = (line.translate(_SIGNS).strip() for line in lines)
+    return [begin, top, head, r"\midrule", *others]
 
 
 def markdown_text(text: str) -> str:
@@ -126,10 +128,11 @@ def latex_text(text: str) -> str:
     return _one_line(text).translate(_LATEX).translate(_SIGNS)
 
 
-def _table(rows: Sequence[Sequence[str]], head: Sequence[str], at: str, form: str) -> list[str]:
-    # Cells are text already: tabulate shall take none for a number, and no indented name for a sloppy one.
+def _table(rows: Sequence[Sequence[str]], at: str, form: str) -> list[str]:
+    # Names of columns are a row like others, since tabulate makes room around headers. Cells are text already: none
+    # shall be taken for a number, and no indented name for a sloppy one.
     places = [_SIDES[side] for side in at]
-    text = tabulate(rows, head, form, colalign=places, disable_numparse=True, preserve_whitespace=True)
+    text = tabulate(rows, tablefmt=form, colalign=places, disable_numparse=True, preserve_whitespace=True)
     return text.splitlines()
 
 

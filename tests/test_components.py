@@ -19,6 +19,7 @@ from omnieval.components import Component, known, resolve_component
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, ResultError
+from omnieval.mapping.interface import Mapper, NoSettings
 from omnieval.mapping.leader import Leader, LeaderSettings
 
 GREY = np.arange(32, dtype=np.uint8).reshape(4, 8)
@@ -90,6 +91,20 @@ class Reach:
 
     def step(self, description: Description) -> None:
         self.seen.append(1)
+
+
+class Derived(Mapper):
+    """A mapper that derives from the base class, and has a constructor as it likes."""
+
+    name = "derived"
+
+    def __init__(self, reach: float = 2.0) -> None:
+        super().__init__()
+        self.reach = reach
+
+    def step(self, description: Description) -> Any: ...
+
+    def finish(self) -> Any: ...
 
 
 class TestNames:
@@ -185,6 +200,12 @@ class TestIdentity:
     def test_what_an_object_keeps_to_itself_counts(self) -> None:
         one, other, again = (resolve_component("mapper", Reach(reach)) for reach in (2.0, 3.0, 2.0))
         assert one.identity == again.identity != other.identity
+
+    def test_a_base_class_without_parameters_hides_none(self) -> None:
+        made = resolve_component("mapper", f"{__name__}:Derived").make()
+        assert (made.reach, made.settings) == (2.0, NoSettings())
+        assert resolve_component("mapper", Derived(3.0)).settings == {"reach": 3.0}
+        assert resolve_component("mapper", Derived(3.0)).fresh().reach == 3.0
 
     def test_an_array_counts(self) -> None:
         def projecting(seed: int) -> Component:

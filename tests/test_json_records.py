@@ -18,7 +18,7 @@ class Gate(Enum):
 class Record:
     gate: Gate
     margins: np.ndarray
-    frames: tuple
+    frames: tuple[object, ...]
     inner: object = None
 
 

@@ -12,13 +12,14 @@ import pytest
 import omnieval
 from omnieval.datasets import load
 from omnieval.datasets.sequence import Pose
-from omnieval.descriptors.hog import Hog
+from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, DatasetError, ResultError
-from omnieval.loop import describe_archive, map_archive, replay
+from omnieval.loop import describe_archive, replay
 from omnieval.recording import RecordingOptions
 from omnieval.render import render
-from omnieval.results.run_folder import open_run
-from omnieval.results.schemas import DECISIONS, NODES, STEPS, TRANSITIONS
+from omnieval.results.run_folder import RunWriter, open_run
+from omnieval.results.schemas import NODES, TRANSITIONS, steps_schema
+from omnieval.results.tables import read_steps
 from tests.testing.test_mapper import Slices
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
@@ -32,7 +33,8 @@ def run(panoramas, tmp_path_factory):
 
 
 def decisions(run):
-    return run.steps.select(DECISIONS)
+    """The columns that two runs of the same images and components share to the bit."""
+    return run.steps.drop("milliseconds")
 
 
 def test_three_places_are_found_and_closed_again(run):
@@ -46,7 +48,8 @@ def test_three_places_are_found_and_closed_again(run):
 
 
 def test_tables_have_their_schemas(run):
-    assert run.steps.schema == STEPS
+    assert run.steps.schema == steps_schema(run.method.columns)
+    assert "centroid_shift" in run.steps.columns
     assert run.nodes.schema == NODES
     assert run.transitions.schema == TRANSITIONS
 
@@ -67,20 +70,24 @@ def test_the_tables_agree_with_each_other(run):
 
 
 def test_every_verdict_follows_from_the_numbers_beside_it(run):
-    config = run.manifest["configuration"]["mapper"]
-    for row in run.steps.iter_rows(named=True):
+    gamma = run.config.settings["gamma"]
+    for (step, _), row in zip(read_steps(run.steps, run.method.columns), run.steps.iter_rows(named=True), strict=True):
         if row["verdict"] == "initial":
             continue
-        pairs = zip(row["gate_nodes"], row["gate_ratios"], strict=True)
-        assert row["candidates"] == [node for node, ratio in pairs if ratio <= row["x_gate"]]
-        assert (row["best_frame"] is None) == (not row["candidates"])
+        node = step.compared("node")
+        assert node is not None
+        assert node.threshold == row["x_gate"]
+        pairs = zip(node.of, node.values, strict=True)
+        assert node.passing == tuple(one for one, ratio in pairs if ratio <= node.threshold)
+        assert (row["best_frame"] is None) == (not node.passing)
         if row["verdict"] == "prominence":
-            assert row["prominence_ratio"] < config["gamma"]
+            assert row["prominence_ratio"] < gamma
         if row["verdict"] == "assigned":
-            assert row["peaks"] < 2 or row["prominence_ratio"] >= config["gamma"]
+            assert row["peaks"] < 2 or row["prominence_ratio"] >= gamma
             assert row["centroid_shift"] <= row["centroid_bound"]
             assert row["node"] is not None
-        assert row["margin"] >= 0
+        assert step.margin is not None
+        assert row["margin"] == step.margin.value >= 0
 
 
 @pytest.mark.parametrize("merge_y", [0.5, 1000.0])
@@ -112,7 +119,7 @@ def test_a_second_replay_decides_the_same_and_reads_no_image(run, panoramas, tmp
 def test_the_identity_covers_what_determines_the_result(run, panoramas, tmp_path):
     other = replay(panoramas, config=omnieval.configure({**CONFIG, "merge_y": 0.1}), out=tmp_path / "parameter")
     shorter = replay(load(panoramas).cut(limit=70), config=omnieval.configure(CONFIG), out=tmp_path / "images")
-    hog = Hog(omnieval.configure({"hog.bins": 8}).hog)
+    hog = Hog(HogSettings(bins=8))
     descriptor = replay(panoramas, config=omnieval.configure(CONFIG), descriptor=hog, out=tmp_path / "descriptor")
     identities = {one.manifest["identity"] for one in (run, other, shorter, descriptor)}
     assert len(identities) == 4
@@ -121,8 +128,8 @@ def test_the_identity_covers_what_determines_the_result(run, panoramas, tmp_path
 @pytest.mark.parametrize("limit", [11, 37, 64])
 def test_steps_depend_on_earlier_frames_only(run, panoramas, tmp_path, limit):
     prefix = replay(load(panoramas).cut(limit=limit), config=omnieval.configure(CONFIG), out=tmp_path / "prefix")
-    at_the_step = [name for name in DECISIONS if name not in {"node_final", "placement", "forced"}]
-    assert prefix.steps.select(at_the_step).equals(run.steps.head(limit).select(at_the_step))
+    late = ("node_final", "placement", "forced")
+    assert decisions(prefix).drop(late).equals(decisions(run).head(limit).drop(late))
 
 
 def test_without_poses_position_metrics_are_null_with_a_reason(panoramas, tmp_path):
@@ -157,7 +164,7 @@ def test_the_reason_tells_missing_poses_from_such_as_cannot_be_used(panoramas, t
 def test_the_mapper_alone_on_an_archive_decides_the_same(run, panoramas, tmp_path):
     archive = tmp_path / "three.npz"
     describe_archive(load(panoramas), archive)
-    mapped = map_archive(archive, config=omnieval.configure(CONFIG), out=tmp_path / "mapped")
+    mapped = replay(f"npz:{archive}", config=omnieval.configure(CONFIG), out=tmp_path / "mapped")
     assert decisions(mapped).equals(decisions(run))
     assert mapped.metrics == run.metrics
     with pytest.raises(ResultError, match="exists"):
@@ -168,7 +175,7 @@ def test_the_mapper_alone_on_an_archive_decides_the_same(run, panoramas, tmp_pat
 
 def test_a_mapper_of_ones_own_is_replayed_recorded_and_rebuilt(run, panoramas, tmp_path):
     own = replay(panoramas, mapper=Slices(), out=tmp_path / "own", recording=RecordingOptions())
-    assert own.manifest["mapper"] == "tests.testing.test_mapper.Slices"
+    assert (own.config.mapper.name, own.config.mapper.spec) == ("slices", "tests.testing.test_mapper:Slices")
     assert own.steps["node_final"].to_list() == [frame // 25 + 1 for frame in range(80)]
     assert own.metrics["nodes"] == len(own.nodes) == 4
     assert own.manifest["identity"] != run.manifest["identity"]
@@ -178,29 +185,37 @@ def test_a_mapper_of_ones_own_is_replayed_recorded_and_rebuilt(run, panoramas, t
 
 
 def test_omnievals_mapper_may_be_given_too(run, panoramas, tmp_path):
-    given = replay(panoramas, mapper=omnieval.Mapper(omnieval.configure(CONFIG).mapper), out=tmp_path / "given")
-    assert given.manifest["mapper"] == run.manifest["mapper"] == "omnieval"
+    mapper = omnieval.Roman2020(omnieval.Roman2020Settings(**CONFIG))
+    given = replay(panoramas, mapper=mapper, out=tmp_path / "given")
+    assert given.manifest["mapper"] == run.manifest["mapper"]
     assert given.manifest["identity"] == run.manifest["identity"]
-    assert given.manifest["configuration"] == run.manifest["configuration"]
+    assert decisions(given).equals(decisions(run))
 
 
-def test_render_rebuilds_the_recording_from_tables_and_images(run):
-    first = run.recording.stat().st_size
-    run.recording.unlink()
-    assert render(open_run(run.folder)) == run.recording
-    assert run.recording.stat().st_size == pytest.approx(first, rel=0.05)
+def test_components_have_names_and_parameters_are_keywords(panoramas, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = replay(
+        str(panoramas), mapper="leader", descriptor="gist", radius=4.0, start=2, limit=30, **{"gist.levels": 1}
+    )
+    assert run.folder.as_posix() == "runs/three-places0-gist-leader"
+    assert (run.config.settings["radius"], run.config.settings["gist.levels"]) == (4.0, 1)
+    assert run.steps["file"].to_list() == [f"image{number}.png" for number in range(2, 32)]
+    assert run.manifest["cut"] == {"start": 2, "stride": 1, "limit": 30}
+    with pytest.raises(ConfigError, match="omega is a parameter of roman2020, which was not chosen"):
+        replay(str(panoramas), mapper="leader", omega=2.0)
+    assert "leader on gist" in run._repr_html_().replace("\n", " ")
+    nodes = run.metrics["nodes"]
+    assert repr(run) == f"Run(runs/three-places0-gist-leader: complete, 30 frames, {nodes} nodes)"
 
 
-def test_render_refuses_when_the_images_have_changed(panoramas, tmp_path):
-    copy = tmp_path / "copy"
-    copy.mkdir()
-    for file in panoramas.iterdir():
-        (copy / file.name).write_bytes(file.read_bytes())
-    run = replay(copy, config=omnieval.configure(CONFIG), out=tmp_path / "run")
-    numbers = run.steps.filter(pl.col("verdict") == "assigned")["file"].to_list()
-    (copy / numbers[0]).write_bytes((copy / "image20.png").read_bytes())
-    with pytest.raises(ResultError, match="replay the sequence again"):
-        render(run)
+def test_the_public_names_are_there(capsys):
+    assert {"replay", "ablate", "check", "Mapper", "Roman2020", "Leader", "open_run"} <= set(dir(omnieval))
+    for name in dir(omnieval):
+        assert getattr(omnieval, name) is not None
+    help(omnieval)
+    assert "replay(source" in capsys.readouterr().out
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = omnieval.nothing
 
 
 def test_a_sequence_shorter_than_the_first_node_is_refused_before_anything_is_written(panoramas, tmp_path):
@@ -236,13 +251,45 @@ def test_an_interrupted_run_keeps_its_steps(panoramas, tmp_path):
         replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run", progress=interrupt)
     run = open_run(tmp_path / "run")
     assert (run.status, len(run.steps)) == ("interrupted", 42)
+    shorter = replay(load(panoramas).cut(limit=42), config=omnieval.configure(CONFIG), out=tmp_path / "shorter")
+    assert run.manifest["dataset_fingerprint"] == shorter.manifest["dataset_fingerprint"]
     assert render(run).exists()
+
+
+def test_a_step_that_is_not_kept_is_not_in_the_fingerprint(panoramas, tmp_path, monkeypatch):
+    kept = RunWriter.step
+
+    def step(writer, row):
+        if row["frame"] == 30:
+            raise MemoryError
+        kept(writer, row)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunWriter, "step", step)
+        with pytest.raises(MemoryError):
+            replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    run = open_run(tmp_path / "run")
+    assert (run.status, len(run.steps)) == ("failed", 30)
+    shorter = replay(load(panoramas).cut(limit=30), config=omnieval.configure(CONFIG), out=tmp_path / "shorter")
+    assert run.manifest["dataset_fingerprint"] == shorter.manifest["dataset_fingerprint"]
+
+
+def test_a_run_without_a_step_has_no_fingerprint(panoramas, tmp_path, monkeypatch):
+    def step(writer, row):
+        raise MemoryError
+
+    monkeypatch.setattr(RunWriter, "step", step)
+    with pytest.raises(MemoryError):
+        replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    assert "dataset_fingerprint" not in open_run(tmp_path / "run").manifest
 
 
 def test_the_manifest_says_where_everything_comes_from(run, panoramas):
     manifest = json.loads((run.folder / "run.json").read_text())
     assert manifest["source"] == f"folder:{panoramas.resolve()}"
-    assert manifest["configuration"]["mapper"]["omega"] == 3.5
+    assert manifest["mapper"]["settings"]["omega"] == 3.5
+    assert {gate["name"] for gate in manifest["mapper"]["gates"]} >= {"node", "prominence", "centroid"}
+    assert manifest["descriptor"]["name"] == "hog"
     assert manifest["camera"]["kind"] == "panoramic"
     assert manifest["versions"]["omnieval"] == omnieval.__version__
     assert manifest["smallest_margin"]["value"] == run.steps["margin"].min()

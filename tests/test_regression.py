@@ -165,6 +165,7 @@ def test_an_interrupted_run_fails(run, reference, panoramas, tmp_path):
     assert {outcome.judgement for outcome in found.outcomes} == {"missing"}
     assert found.parting is not None
     assert (found.parting.frame, found.parting.got) == (30, None)
+    assert len(found.notes) == 1  # and none that the images are others
     assert "is interrupted" in found.notes[0]
     with pytest.raises(ResultError, match="is interrupted"):
         update(reference, [str(tmp_path / "half")])

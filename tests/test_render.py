@@ -160,6 +160,19 @@ def test_a_run_that_is_being_written_is_left_alone(run):
         stays(run, ResultError, "is being written by another process")
 
 
+def test_what_a_killed_replay_left_goes_when_there_is_a_whole_recording(run, images):
+    left = [run.folder / "replay.partial.rrd", run.folder / ".replay.rrd.7.tmp"]
+    for path in left:
+        path.write_bytes(b"some steps")
+    file = images / "image20.png"
+    before = file.read_bytes()
+    replace_one(images)
+    stays(run, ResultError, "replay")
+    file.write_bytes(before)
+    render(run)
+    assert not [path for path in left if path.exists()]
+
+
 def test_a_run_without_its_end_has_the_steps_it_came_to(images, tmp_path):
     def interrupt(done, total):
         if done == 42:

@@ -5,7 +5,7 @@ from decimal import Decimal
 
 import pytest
 
-from omnieval.text_table import aligned, latex, latex_text, markdown, markdown_text, sides
+from omnieval.text_table import Cell, aligned, latex, latex_text, markdown, markdown_text, sides
 
 HOSTILE = "\\cmd{x} & 50 % of n_new #1 $y^2$ ~a"
 
@@ -15,12 +15,17 @@ def cells(line, separator):
 
 
 def test_numbers_stand_at_the_right_and_text_at_the_left():
-    rows = [("a", 1, None, True), ("b", Decimal("2.50"), -0.5, False)]
+    rows: list[tuple[Cell, ...]] = [("a", 1, None, True), ("b", Decimal("2.50"), -0.5, False)]
     assert sides(4, rows) == "lrrl"
     table = markdown(("run", "nodes", "silhouette", "forced"), rows).splitlines()
     assert re.fullmatch(r"\|:-+\|-+:\|-+:\|:-+\|", table[1])
     assert cells(table[3], "|")[1:-1] == ["b", "2.50", "-0.5000", "no"]
     assert len({len(line) for line in table}) == 1
+
+
+def test_a_table_without_rows_keeps_its_columns():
+    assert markdown(("a", "b_"), []).splitlines() == [r"| a | b\_ |", "|--:|----:|"]
+    assert latex(("a", "b"), [])[2:] == [r"a & b \\", r"\midrule", r"\bottomrule", r"\end{tabular}"]
 
 
 def test_a_cell_is_never_taken_for_a_number_or_a_line():

@@ -3,11 +3,12 @@
     python docs/examples/own_descriptor_and_mapper.py [SOURCE] [LIMIT]
 
 The descriptor keeps mean and spread of the grey levels in bands of rows and of columns. The mapper puts an image into
-the node with the nearest centroid, or makes a node of it if none is near: no gates, no second thoughts.
+the node whose first image is nearest, or makes a node of it if none is near: one gate, no second thoughts.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 import tempfile
 from pathlib import Path
@@ -16,11 +17,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field
 
 import omnieval
-from omnieval.datasets import Sequence
-from omnieval.mapping.step import EventKind, FinalMap, NodeEvent, Placement, Step, Verdict
-from omnieval.testing import IncrementalMapper, check_descriptor, check_mapper
+from omnieval.testing import check_descriptor, check_mapper
 
 SHOWN = ("nodes", "silhouette", "silhouette_image", "silhouette_time_slices", "rooms_ari", "share_assigned")
 
@@ -28,116 +28,98 @@ SHOWN = ("nodes", "silhouette", "silhouette_image", "silhouette_time_slices", "r
 class GreyBands:
     """Mean and standard deviation of the grey levels of 32 bands of rows, and of 128 of columns."""
 
-    name = "grey-bands"
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Everything that determines the result."""
-        return {"rows": 32, "columns": 128}
+    rows, columns = 32, 128
 
     def describe(self, panorama: NDArray[np.uint8]) -> omnieval.Description:
         """Describe one grey panorama; columns that a rotation rolls become rows of `orientation` that it rolls."""
-        grey = panorama.astype(np.float64) / 255.0
-        rows = grey.reshape(self.settings["rows"], -1)
-        columns = grey.T.reshape(self.settings["columns"], -1)
+        rows = panorama.reshape(self.rows, -1)
+        columns = panorama.T.reshape(self.columns, -1)
         position = np.concatenate([rows.mean(axis=1), rows.std(axis=1)])
         orientation = np.stack([columns.mean(axis=1), columns.std(axis=1)], axis=1)
         return omnieval.Description(position.astype(np.float32), orientation.astype(np.float32))
 
 
-class NearestCentroid:
-    """Puts an image into the node with the nearest centroid, or makes a node of it.
+class FirstImageSettings(BaseModel):
+    """Parameters of `FirstImage`."""
 
-    Parameters
-    ----------
-    reach
-        An image may be so many times as far from a centroid as successive images have been from each other so far
-        (median).
-    """
+    reach: float = Field(3.0, gt=0, description="near enough is within so many median distances of successive images")
 
-    def __init__(self, reach: float = 2.5) -> None:
-        self.reach = reach
+
+class FirstImage(omnieval.Mapper):
+    """Puts an image into the node whose first image is nearest, or makes a node of it."""
+
+    name = "first-image"
+    Settings = FirstImageSettings
+    gates = (
+        omnieval.Gate(
+            name="distance",
+            value="distance from the first image",
+            threshold="reach",
+            passing="let it join node {one}",
+            of="node",
+            closes=True,
+        ),
+    )
+
+    def __init__(self, settings: FirstImageSettings | None = None) -> None:
+        super().__init__(settings)
         self._positions: list[NDArray[np.float64]] = []
-        self._labels: list[int] = []
+        self._nodes: list[int] = []
+        self._first: list[int] = []
         self._hops: list[float] = []
-        self._founded: set[int] = set()
 
-    def step(self, description: omnieval.Description) -> Step:
+    def step(self, description: omnieval.Description) -> omnieval.Step:
         """Decide about the next image."""
-        position = description.position.astype(np.float64)
-        nearest = self._nearest(position)
-        if self._positions:
-            self._hops.append(float(np.linalg.norm(position - self._positions[-1])))
-        frame = len(self._positions)
+        frame, position = len(self._positions), description.position.astype(np.float64)
         self._positions.append(position)
-        if nearest is not None:
-            self._labels.append(nearest)
-            return self._report(frame, Verdict.ASSIGNED)
-        node = len(self._founded) + 1
-        self._labels.append(node)
-        self._founded.add(frame)
-        created = NodeEvent(EventKind.CREATED, node, frames=(frame,))
-        verdict = Verdict.NO_CANDIDATE if frame else Verdict.INITIAL
-        return self._report(frame, verdict, created, NodeEvent(EventKind.ACTIVATED, node))
+        if frame == 0:
+            return self._found(frame, omnieval.Role.FOUNDING)
+        self._hops.append(float(np.linalg.norm(position - self._positions[-2])))
+        distances = [float(np.linalg.norm(position - self._positions[first])) for first in self._first]
+        values = tuple(distance / (np.median(self._hops) or 1.0) for distance in distances)
+        nearest, reach = min(values), self.settings.reach
+        low, high = (nearest, np.inf) if nearest <= reach else (-np.inf, nearest)
+        nodes = tuple(range(1, len(values) + 1))
+        compared = omnieval.Comparison("distance", values, reach, low, high, parameter="reach", of=nodes)
+        if not compared.passed:
+            return self._found(frame, omnieval.Role.REFUSED, compared)
+        node = values.index(nearest) + 1
+        self._nodes.append(node)
+        match = omnieval.Match(self._first[node - 1], node)
+        return omnieval.Step(frame, "near", omnieval.Role.JOINED, node, match, comparisons=(compared,))
 
-    def finish(self) -> FinalMap:
+    def finish(self) -> omnieval.FinalMap:
         """Return the partition of all images so far."""
-        nodes = tuple(range(1, len(self._founded) + 1))
-        placements = (Placement.FOUNDING, Placement.LOOP_CLOSURE)
-        return FinalMap(
-            labels=np.array(self._labels, np.int64),
-            placements=tuple(placements[frame not in self._founded] for frame in range(len(self._labels))),
-            nodes=nodes,
-            active=frozenset(nodes),
-            representatives=self._centroids(),
-        )
+        labels, positions = np.array(self._nodes), np.array(self._positions)
+        kinds = (omnieval.Placement.LOOP_CLOSURE, omnieval.Placement.FOUNDING)
+        nodes = tuple(range(1, len(self._first) + 1))
+        means = np.stack([positions[labels == node].mean(axis=0) for node in nodes])
+        placements = tuple(kinds[frame in self._first] for frame in range(len(labels)))
+        return omnieval.FinalMap(labels, placements, nodes, frozenset(nodes), means)
 
-    def _centroids(self) -> NDArray[np.float64]:
-        labels, positions = np.array(self._labels), np.array(self._positions)
-        return np.stack([positions[labels == node].mean(axis=0) for node in range(1, len(self._founded) + 1)])
-
-    def _nearest(self, position: NDArray[np.float64]) -> int | None:
-        """Return the node with the nearest centroid, None if it is out of reach or there is none."""
-        if not self._hops:
-            return 1 if self._labels else None  # the second image says how far apart images are
-        distances = np.linalg.norm(self._centroids() - position, axis=1)
-        nearest = int(distances.argmin())
-        return nearest + 1 if distances[nearest] <= self.reach * np.median(self._hops) else None
-
-    def _report(self, frame: int, verdict: Verdict, *events: NodeEvent) -> Step:
-        return Step(
-            frame=frame,
-            verdict=verdict,
-            node=self._labels[-1],
-            gate=None,
-            match=None,
-            centroid=None,
-            run=0,
-            events=events,
-            active=len(self._founded),
-            pending=0,
-            margin=None,
-        )
+    def _found(self, frame: int, role: omnieval.Role, *compared: omnieval.Comparison) -> omnieval.Step:
+        self._first.append(frame)
+        node = len(self._first)
+        self._nodes.append(node)
+        created = omnieval.NodeEvent(omnieval.EventKind.CREATED, node, frames=(frame,))
+        activated = omnieval.NodeEvent(omnieval.EventKind.ACTIVATED, node)
+        return omnieval.Step(frame, "new", role, node, events=(created, activated), comparisons=compared)
 
 
-def judge(sequence: Sequence, descriptor: omnieval.Descriptor | None, mapper: IncrementalMapper) -> dict[str, Any]:
-    """Replay a sequence and return the metrics of its map; without a descriptor, HOG."""
+def judge(source: str, descriptor: Any, mapper: Any, limit: int | None) -> dict[str, Any]:
+    """Replay a sequence; return who did it and the metrics of the map."""
     with tempfile.TemporaryDirectory() as folder:
-        run = omnieval.replay(sequence, descriptor=descriptor, mapper=mapper, out=Path(folder) / "run")
-        return {name: run.metrics[name] for name in SHOWN}
+        run = omnieval.replay(source, descriptor=descriptor, mapper=mapper, limit=limit, out=Path(folder) / "run")
+        who = {"descriptor": run.config.descriptor.name, "mapper": run.config.mapper.name}
+        return who | {name: run.metrics[name] for name in SHOWN}
 
 
 def main(source: str = "synthetic", limit: int | None = None) -> pl.DataFrame:
     """Check both contracts, and judge each combination of descriptor and mapper."""
     check_descriptor(GreyBands())
-    check_mapper(NearestCentroid)
-    sequence = omnieval.load(source).cut(limit=limit)
-    rows = []
-    for descriptor in (None, GreyBands()):
-        for mapper in (omnieval.Mapper(), NearestCentroid()):
-            names = {"descriptor": descriptor.name if descriptor else "hog", "mapper": type(mapper).__name__}
-            rows.append(names | judge(sequence, descriptor, mapper))
-    return pl.DataFrame(rows)
+    check_mapper(FirstImage)
+    pairs = itertools.product(("hog", GreyBands), ("roman2020", "leader", FirstImage))
+    return pl.DataFrame([judge(source, descriptor, mapper, limit) for descriptor, mapper in pairs])
 
 
 if __name__ == "__main__":

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import platformdirs
 
+from omnieval.datasets.scan import canonical_path
+
 
 def cache_dir() -> Path:
     """Return the cache folder: ``OMNIEVAL_CACHE`` if set, else the user's cache folder. It may not exist yet."""
     override = os.environ.get("OMNIEVAL_CACHE")
-    return Path(override) if override else Path(platformdirs.user_cache_dir("omnieval", appauthor=False))
+    return canonical_path(override or platformdirs.user_cache_dir("omnieval", appauthor=False))

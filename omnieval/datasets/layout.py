@@ -52,7 +52,7 @@ class GroundTruth(BaseModel):
         Its name within the sequence folder, or a glob that matches one file. A name must be there; a glob may
         match nothing, and then there is no ground truth.
     format
-        ``csv``, ``text`` (columns separated by white space) or ``mat`` (MATLAB v5 to v7, numeric arrays); None
+        ``csv``, ``text`` (columns separated by white space) or ``mat`` (MATLAB v4 to v7, numeric arrays); None
         goes by the ending of the name: ``.csv``, ``.mat``, anything else is text.
     columns
         What the columns hold, from the left. With ``file`` a row belongs to the image it names (path, name or

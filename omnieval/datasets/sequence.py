@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from omnieval.errors import DatasetError
 
+_Cut = tuple[int, int, int | None]
+
 
 @dataclass(frozen=True, slots=True)
 class Pose:
@@ -101,7 +103,7 @@ class Sequence:
     card
         Name of the data card that describes the sequence's family, if any.
     cut_from
-        (start, stride, limit) this sequence was cut with, (0, 1, None) for the whole.
+        (start, stride, limit) that cut this sequence out of the whole one at once, (0, 1, None) for the whole.
     """
 
     name: str
@@ -111,7 +113,7 @@ class Sequence:
     camera: Camera = Camera()
     calibration: tuple[Frame, ...] = ()
     card: str | None = None
-    cut_from: tuple[int, int, int | None] = (0, 1, None)
+    cut_from: _Cut = (0, 1, None)
 
     CALIBRATION_FRAMES = 64
 
@@ -123,21 +125,23 @@ class Sequence:
         return len(self.frames)
 
     def cut(self, *, start: int = 0, stride: int = 1, limit: int | None = None) -> Sequence:
-        """Return every `stride`-th frame from `start` on, at most `limit` of them.
+        """Return every `stride`-th frame from `start` on (negative: from the end), at most `limit` of them.
 
         Raises
         ------
         DatasetError
-            If nothing is left.
+            If nothing is left, or `stride` or `limit` is negative.
         """
         if (start, stride, limit) == (0, 1, None):
             return self
-        frames = self.frames[start::stride][:limit]
+        start = max(0, len(self) + start) if start < 0 else start
+        wanted = stride > 0 and (limit is None or limit > 0)
+        frames = self.frames[start::stride][:limit] if wanted else ()
         if not frames:
             raise DatasetError(
                 f"{self.source}: start {start}, stride {stride}, limit {limit} leave none of its {len(self)} frames"
             )
-        return dataclasses.replace(self, frames=frames, cut_from=(start, stride, limit))
+        return dataclasses.replace(self, frames=frames, cut_from=_composed(self.cut_from, (start, stride, limit)))
 
     @property
     def positions(self) -> NDArray[np.float64] | None:
@@ -160,3 +164,11 @@ class Sequence:
             return None
         values = np.array([[getattr(frame.pose, name) for name in fields] for frame in self.frames])
         return values if np.isfinite(values).all() else None
+
+
+def _composed(first: _Cut, then: _Cut) -> _Cut:
+    """Return the one cut that leaves what `then` leaves of what `first` left."""
+    limits = [] if then[2] is None else [then[2]]
+    if first[2] is not None:
+        limits.append(len(range(then[0], first[2], then[1])))
+    return first[0] + then[0] * first[1], first[1] * then[1], min(limits, default=None)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -37,13 +38,13 @@ from omnieval.wording import safe_name
 
 KIND = "replay"
 RECORDING = "replay.rrd"
-_PARTIAL_RECORDING = "replay.partial.rrd"
+PARTIAL_RECORDING = "replay.partial.rrd"
 TABLES = ("steps", "nodes", "transitions")
 _PARTS = "parts"
 _PART = "steps-*.parquet"
 _PART_ROWS = 250
 _PART_SECONDS = 2.0
-FILES = (RECORDING, _PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}")
+FILES = (RECORDING, PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}")
 """All that a run writes besides ``run.json``."""
 
 
@@ -74,8 +75,17 @@ class Run:
 
     @property
     def config(self) -> Config:
-        """What was replayed with what."""
-        return Config.of_run(self.manifest)
+        """What was replayed with what.
+
+        Raises
+        ------
+        ResultError
+            If ``run.json`` does not say it.
+        """
+        try:
+            return Config.of_run(self.manifest)
+        except (LookupError, TypeError, ValueError) as error:
+            raise ResultError(f"{self.folder}/run.json is damaged: it does not say what was run; run it again") from error
 
     @property
     def method(self) -> Method:
@@ -133,8 +143,17 @@ class Run:
 
 
 def method_of(manifest: dict[str, Any]) -> Method:
-    """Return the mapper that ``run.json`` tells of."""
-    return Method.model_validate(manifest["mapper"])
+    """Return the mapper that ``run.json`` tells of, which has no words of its own where that tells nothing.
+
+    Raises
+    ------
+    ResultError
+        If it tells what no mapper can be.
+    """
+    try:
+        return Method.model_validate(manifest.get("mapper") or {"name": "unknown"})
+    except ValueError as error:
+        raise ResultError("run.json is damaged: it tells of no mapper that could be; run it again") from error
 
 
 def open_run(folder: str | Path) -> Run:
@@ -164,16 +183,13 @@ class RunWriter(ResultFolder):
     overwrite
         Whether an earlier run in `folder` may be replaced. Only files that a run, or the report in it, wrote are
         removed.
-
-    Attributes
-    ----------
-    known_early
-        What to say besides of a run that is left early.
     """
+
+    when_abandoned: Callable[[], dict[str, Any]] | None = None
+    """What ``run.json`` is to say of the steps so far (`steps`) besides, should the run be left before its end."""
 
     def __init__(self, folder: str | Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
         super().__init__(folder, KIND, manifest, files=FILES, overwrite=overwrite)
-        self.known_early: Callable[[], dict[str, Any]] = dict
         self._columns = method_of(manifest).columns
         self._rows: list[dict[str, Any]] = []
         self._written: list[pl.DataFrame] = []
@@ -198,7 +214,7 @@ class RunWriter(ResultFolder):
         """Return the steps so far."""
         with interrupts_wait():
             self._written = [pl.concat([*self._written, steps_frame(self._rows, self._columns)])]
-        self._rows = []
+            self._rows = []  # in here, or an interrupt that has waited comes between, and rows are kept twice
         return self._written[0]
 
     def finish(self, tables: dict[str, pl.DataFrame], manifest: dict[str, Any]) -> Run:
@@ -220,7 +236,13 @@ class RunWriter(ResultFolder):
 
     def _seal(self) -> dict[str, Any]:
         write_table(self.steps(), self.path / "steps.parquet")
-        return {**self.known_early(), "file_digests": self._file_digests()}
+        sealed: dict[str, Any] = {"file_digests": self._file_digests()}
+        # Only here: where the steps could not be written, what can be read of them are others.
+        with contextlib.suppress(Exception):
+            said = self.when_abandoned() if self.when_abandoned else {}
+            json.dumps(said, allow_nan=False)  # what run.json cannot hold would cost it its status
+            sealed = said | sealed
+        return sealed
 
     def _close(self, status: str, content: dict[str, Any]) -> None:
         super()._close(status, content)
@@ -241,8 +263,9 @@ class RunWriter(ResultFolder):
         except OSError as error:
             raise ResultError(f"cannot write {parts}: {error.strerror}") from error
         write_table(part, parts / f"steps-{self._rows[0]['frame']:08d}.parquet")
-        self._written.append(part)
-        self._rows = []
+        with interrupts_wait():
+            self._written.append(part)
+            self._rows = []
         self._last_write = time.monotonic()
 
 

@@ -88,7 +88,7 @@ def test_the_rooms_agree_with_themselves(archive, tmp_path):
 
 def test_as_many_clusters_as_a_run_has_nodes(archive, tmp_path):
     config = omnieval.configure(n_init=10, n_new=10, gamma=1.0, omega=3.5, merge_y=0.5)
-    run = omnieval.map_archive(archive, config=config, out=tmp_path / "run")
+    run = omnieval.replay(archive, config=config, out=tmp_path / "run")
     nodes = run.metrics["nodes"]
     alone = omnieval.baseline(archive, at_k_of=run.folder, out=tmp_path / "alone")
     assert alone["k"].to_list() == [nodes]
@@ -136,7 +136,7 @@ def test_only_a_baseline_is_overwritten_and_only_when_asked(archive, tmp_path):
         run_baseline(archive, ks=[4], out=out)
     assert run_baseline(archive, ks=[4], out=out, overwrite=True).table["k"].to_list() == [4]
     run = tmp_path / "run"
-    omnieval.map_archive(archive, config=omnieval.configure(n_init=10), out=run)
+    omnieval.replay(archive, config=omnieval.configure(n_init=10), out=run)
     with pytest.raises(ResultError, match="not a baseline"):
         run_baseline(archive, ks=[4], out=run, overwrite=True)
     assert len(open_run(run).steps) == 80

@@ -10,7 +10,8 @@ import pytest
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import Description
 
-KEY = description_key({"descriptor": "a"})
+CAMERA = {"kind": "panoramic"}
+KEY = description_key(CAMERA, {"name": "a"})
 
 
 def a_description(seed=0):
@@ -46,12 +47,13 @@ def test_a_description_is_found_again_bit_for_bit(tmp_path, image):
 def test_other_settings_or_other_bytes_are_not_found(tmp_path, image):
     stored(tmp_path / "c.sqlite", image)
     with DescriptorCache(tmp_path / "c.sqlite") as cache:
-        assert cache.lookup(image, description_key({"descriptor": "b"})) is None
+        assert cache.lookup(image, description_key(CAMERA, {"name": "b"})) is None
+        assert cache.lookup(image, description_key({"kind": "fisheye"}, {"name": "a"})) is None
         image.write_bytes(b"other pixels")
         assert cache.lookup(image, KEY) is None
         image.unlink()
         assert cache.lookup(image, KEY) is None
-        assert cache.misses == 3
+        assert cache.misses == 4
 
 
 def test_a_rewritten_file_of_the_same_size_is_not_found(tmp_path, image):
@@ -60,6 +62,49 @@ def test_a_rewritten_file_of_the_same_size_is_not_found(tmp_path, image):
     os.utime(image, ns=(1, 1))
     with DescriptorCache(tmp_path / "c.sqlite") as cache:
         assert cache.lookup(image, KEY) is None
+
+
+def in_place(image):
+    """As `cp -p` onto a file that is there."""
+    image.write_bytes(b"Some pixels")
+
+
+def replaced(image):
+    """As rsync does: another file takes the name."""
+    other = image.with_name("other.png")
+    other.write_bytes(b"Some pixels")
+    other.replace(image)
+
+
+@pytest.mark.parametrize("change", [in_place, replaced])
+def test_a_file_that_keeps_its_size_and_time_is_not_found(tmp_path, image, change):
+    stored(tmp_path / "c.sqlite", image)
+    before = image.stat()
+    change(image)
+    os.utime(image, ns=(before.st_atime_ns, before.st_mtime_ns))
+    after = image.stat()
+    assert (after.st_size, after.st_mtime_ns) == (before.st_size, before.st_mtime_ns)
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        assert cache.lookup(image, KEY) is None
+
+
+def test_a_copy_of_a_known_image_is_its_own_file(tmp_path, image):
+    """A description belongs to bytes; which bytes a file has is known by file."""
+    stored(tmp_path / "c.sqlite", image)
+    copy = tmp_path / "copy.png"
+    copy.write_bytes(image.read_bytes())
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        assert cache.lookup(copy, KEY) is None
+        cache.store(copy, KEY, image_digest(copy.read_bytes()), a_description())
+        cache.save()
+        assert cache.lookup(copy, KEY) is not None
+        assert cache.lookup(image, KEY) is not None
+
+
+def test_the_code_that_makes_panoramas_is_part_of_the_key(monkeypatch):
+    before = description_key(CAMERA, {"name": "a"})
+    monkeypatch.setattr("omnieval.descriptors.cache.module_digest", lambda name: f"another {name}")
+    assert description_key(CAMERA, {"name": "a"}) != before
 
 
 def test_a_flipped_bit_is_noticed(tmp_path, image):

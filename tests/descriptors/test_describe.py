@@ -1,21 +1,25 @@
 """Frames to descriptions: in order, each image at most once, errors where they belong."""
 
 import itertools
+import os
 
 import cv2
 import numpy as np
 import pytest
 
+from omnieval.components import resolve_component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import Describer
-from omnieval.descriptors.hog import Hog, HogConfig
-from omnieval.errors import DatasetError
+from omnieval.descriptors.hog import Hog, HogSettings
+from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
 
 CAMERA = CameraModel("panoramic", None, 32, 64, "the images are panoramas", (64, 32))
-HOG = Hog(HogConfig(orientation_cells=32))
+HOG = resolve_component("descriptor", Hog(HogSettings(orientation_cells=32)))
+STORED = [cv2.IMWRITE_PNG_COMPRESSION, 0]
+"""Images of one size have files of one size."""
 
 
 @pytest.fixture
@@ -23,7 +27,7 @@ def frames(tmp_path):
     rng = np.random.default_rng(0)
     frames = [Frame(tmp_path / f"{number:02d}.png", f"{number:02d}.png") for number in range(40)]
     for frame in frames:
-        cv2.imwrite(str(frame.path), rng.integers(0, 256, (32, 64), np.uint8))
+        cv2.imwrite(str(frame.path), rng.integers(0, 256, (32, 64), np.uint8), STORED)
     return frames
 
 
@@ -45,7 +49,7 @@ def test_descriptions_come_in_order_and_are_those_of_the_images(tmp_path, frames
     with DescriptorCache(tmp_path / "c.sqlite") as cache:
         described = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
     for frame, one in zip(frames, described, strict=True):
-        expected = HOG.describe(decode_grey(frame.read(), frame.file))
+        expected = HOG.make().describe(decode_grey(frame.read(), frame.file))
         assert one.digest == image_digest(frame.read())
         assert np.array_equal(one.description.position, expected.position)
         assert np.array_equal(one.description.orientation, expected.orientation)
@@ -67,7 +71,7 @@ def test_the_second_time_no_image_is_read(tmp_path, frames, read):
 
 def test_other_settings_do_not_find_each_others_descriptions(tmp_path, frames, read):
     flatter = CameraModel("panoramic", None, 16, 64, "", (64, 32))
-    others = [(CAMERA, Hog(HogConfig(orientation_cells=32, bins=8))), (flatter, HOG)]
+    others = [(CAMERA, resolve_component("descriptor", Hog(HogSettings(orientation_cells=32, bins=8)))), (flatter, HOG)]
     for camera, descriptor in [(CAMERA, HOG), *others]:
         with DescriptorCache(tmp_path / "c.sqlite") as cache:
             list(Describer(camera, descriptor, cache).describe_frames(frames[:5]))
@@ -102,3 +106,73 @@ def test_an_omnidirectional_image_of_another_size_is_named(tmp_path, frames):
         pytest.raises(DatasetError, match=r"00\.png is 64 x 32 pixels, the first one 640 x 480"),
     ):
         next(Describer(camera, HOG, cache).describe_frames(frames))
+
+
+OWN = """
+import numpy as np
+import omnieval
+{imported}
+
+class Own:
+    def describe(self, panorama):
+        position = np.array([panorama.mean(), {value}], np.float32)
+        return omnieval.Description(position, panorama[:32].astype(np.float32))
+"""
+
+
+def describe_all(tmp_path, frames, chosen):
+    """Return the second number of every description, and how many the cache knew."""
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        component = resolve_component("descriptor", chosen)
+        described = list(Describer(CAMERA, component, cache).describe_frames(frames))
+        return {float(one.description.position[1]) for one in described}, cache.hits
+
+
+@pytest.mark.parametrize("edited", ["own.py", "beside.py"])
+def test_edited_code_of_ones_own_is_never_answered_from_the_cache(tmp_path, frames, edited):
+    own, beside = tmp_path / "own.py", tmp_path / "beside.py"
+    own.write_text(OWN.format(imported="from beside import VALUE", value="VALUE + 0"))
+    beside.write_text("VALUE = 1\n")
+    assert describe_all(tmp_path, frames, f"{own}:Own") == ({1.0}, 0)
+    assert describe_all(tmp_path, frames, f"{own}:Own") == ({1.0}, 40)
+    before = (tmp_path / edited).stat()
+    (tmp_path / edited).write_text((tmp_path / edited).read_text().replace("+ 0", "+ 1").replace("= 1", "= 2"))
+    os.utime(tmp_path / edited, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert describe_all(tmp_path, frames, f"{own}:Own") == ({2.0}, 0)
+
+
+def test_two_descriptors_of_one_name_do_not_find_each_others_descriptions(tmp_path, frames):
+    found = []
+    for value in (1, 2):
+        folder = tmp_path / str(value)
+        folder.mkdir()
+        (folder / "own.py").write_text(OWN.format(imported="", value=value))
+        found.append(describe_all(tmp_path, frames, f"{folder}/own.py:Own"))
+    assert found == [({1.0}, 0), ({2.0}, 0)]
+
+
+def test_images_replaced_with_the_same_size_and_time_are_described_anew(tmp_path, frames):
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        before = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
+    for frame in frames:
+        status = frame.path.stat()
+        cv2.imwrite(str(frame.path), 255 - decode_grey(frame.read(), frame.file), STORED)
+        assert frame.path.stat().st_size == status.st_size
+        os.utime(frame.path, ns=(status.st_atime_ns, status.st_mtime_ns))
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        after = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
+        assert cache.hits == 0
+    assert all(one.digest != other.digest for one, other in zip(before, after, strict=True))
+    assert after[3].digest == image_digest(frames[3].path.read_bytes())
+
+
+def test_what_a_descriptor_of_ones_own_raises_is_told_with_the_image(tmp_path, frames):
+    class Broken:
+        def describe(self, panorama):
+            raise ValueError("no\nsuch")
+
+    with (
+        DescriptorCache(tmp_path / "c.sqlite") as cache,
+        pytest.raises(ConfigError, match=r"the descriptor broken failed on image .*00\.png: ValueError: no such"),
+    ):
+        next(Describer(CAMERA, resolve_component("descriptor", Broken()), cache).describe_frames(frames))

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import omnieval
-from omnieval.descriptors.gist import Gist, GistConfig
+from omnieval.descriptors.gist import Gist, GistSettings
 from omnieval.errors import ConfigError
 from tests.reference.gist import gist as plain_gist
 
@@ -50,7 +50,7 @@ def a_grating(orientation, *, frequency=0.3, rows=128, columns=512):
 def test_agrees_with_the_oracle(options):
     settings = SMALL | options
     panorama = a_panorama()
-    found = Gist(GistConfig(**settings)).describe(panorama)
+    found = Gist(GistSettings(**settings)).describe(panorama)
     position, orientation = plain_gist(panorama, **settings)
     np.testing.assert_allclose(found.position, position.ravel(), rtol=3e-6, atol=1e-6 * position.max())
     np.testing.assert_allclose(found.orientation, orientation, rtol=3e-6, atol=1e-6 * orientation.max())
@@ -86,7 +86,7 @@ def test_a_wave_twice_as_long_is_answered_on_the_coarser_level():
 @pytest.mark.parametrize("columns", [2, 18, 256, 510])
 def test_a_rotation_leaves_the_position_descriptor_and_rolls_the_other(columns, prefilter):
     panorama = a_panorama(1, 128, 512)
-    gist = Gist(GistConfig(prefilter=prefilter))
+    gist = Gist(GistSettings(prefilter=prefilter))
     still, turned = gist.describe(panorama), gist.describe(np.roll(panorama, columns, axis=1))
     np.testing.assert_allclose(turned.position, still.position, atol=1e-6 * still.position.max())
     rolled = np.roll(still.orientation, columns // 2, axis=0)
@@ -109,7 +109,7 @@ def test_more_light_hardly_matters_with_the_prefilter():
     brighter = panorama + 50
     changes = {}
     for prefilter in ("none", "local-contrast"):
-        gist = Gist(GistConfig(prefilter=prefilter, normalisation="global-l2"))
+        gist = Gist(GistSettings(prefilter=prefilter, normalisation="global-l2"))
         changes[prefilter] = np.linalg.norm(gist.describe(brighter).position - gist.describe(panorama).position)
     assert changes["local-contrast"] < changes["none"]
 
@@ -117,14 +117,14 @@ def test_more_light_hardly_matters_with_the_prefilter():
 @pytest.mark.parametrize("prefilter", ["none", "local-contrast"])
 @pytest.mark.parametrize("normalisation", ["none", "global-l2"])
 def test_a_black_image_has_a_descriptor_of_zeros(prefilter, normalisation):
-    gist = Gist(GistConfig(prefilter=prefilter, normalisation=normalisation))
+    gist = Gist(GistSettings(prefilter=prefilter, normalisation=normalisation))
     found = gist.describe(np.zeros((128, 512), np.uint8))
     assert not found.position.any()
     assert not found.orientation.any()
 
 
 def test_a_globally_normalised_descriptor_has_unit_length():
-    found = Gist(GistConfig(normalisation="global-l2")).describe(a_panorama(4, 128, 512))
+    found = Gist(GistSettings(normalisation="global-l2")).describe(a_panorama(4, 128, 512))
     assert np.linalg.norm(found.position) == pytest.approx(1, abs=1e-3)
     assert np.linalg.norm(found.orientation) == pytest.approx(1, abs=1e-3)
 
@@ -134,7 +134,7 @@ def test_threads_do_not_disturb_each_other():
     gist = Gist()
     expected = [gist.describe(panorama) for panorama in panoramas]
     # A bank nobody has built yet, asked for by all threads at once.
-    fresh = Gist(GistConfig(padding=17))
+    fresh = Gist(GistSettings(padding=17))
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(gist.describe, panoramas))
         first_use = list(pool.map(fresh.describe, [panoramas[0]] * 4))
@@ -151,9 +151,9 @@ def test_a_size_that_does_not_divide_is_refused(rows, columns):
 
 
 def test_it_is_called_by_name_and_set_by_its_section():
-    descriptor = omnieval.configure({"gist.prefilter": "local-contrast"}, descriptor="gist").make_descriptor()
-    assert descriptor.name == "gist"
-    assert descriptor.settings["prefilter"] == "local-contrast"
+    descriptor = omnieval.configure({"gist.prefilter": "local-contrast"}, descriptor="gist").descriptor
+    assert descriptor.name == descriptor.make().name == "gist"
+    assert descriptor.make().settings.prefilter == descriptor.settings["prefilter"] == "local-contrast"
     with pytest.raises(ConfigError, match=r"gist\.levels"):
         omnieval.configure({"gist.levels": 0})
 
@@ -165,6 +165,6 @@ def run(panoramas, tmp_path_factory):
 
 
 def test_a_replay_with_it_finds_the_three_places(run):
-    assert run.manifest["configuration"]["descriptor"] == "gist"
+    assert run.manifest["descriptor"]["name"] == "gist"
     assert run.metrics["nodes"] >= 3
     assert run.metrics["silhouette"] > run.metrics["silhouette_time_slices"]

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from omnieval.descriptors.hog import Hog, HogConfig
+from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError
 from tests.reference.hog import hog as plain_hog
 
@@ -24,7 +24,7 @@ def a_panorama(seed=0, rows=32, columns=64):
 
 @pytest.mark.parametrize(("angles", "kernel", "binning", "normalisation"), OPTIONS)
 def test_agrees_with_the_oracle(angles, kernel, binning, normalisation):
-    config = HogConfig(
+    config = HogSettings(
         orientation_range=angles,
         kernel=kernel,
         binning=binning,
@@ -56,7 +56,7 @@ def test_sizes_are_the_papers():
 def test_a_vertical_edge_votes_for_zero_degrees_by_hand():
     panorama = np.zeros((16, 32), np.uint8)
     panorama[:, 16:] = 100
-    config = HogConfig(normalisation="none", orientation_cells=16, orientation_width=2, position_cells=4)
+    config = HogSettings(normalisation="none", orientation_cells=16, orientation_width=2, position_cells=4)
     position = Hog(config).describe(panorama).position.reshape(4, 16)
     # Rising at column 16 (two columns see it), falling where the panorama closes: 4 rows x 2 columns x 100 each.
     assert position[:, 0].tolist() == [800.0] * 4
@@ -66,7 +66,7 @@ def test_a_vertical_edge_votes_for_zero_degrees_by_hand():
 
 def test_a_ramp_down_the_rows_votes_for_ninety_degrees_by_hand():
     panorama = np.repeat(np.arange(16, dtype=np.uint8)[:, None] * 3, 32, axis=1)
-    config = HogConfig(normalisation="none", orientation_cells=16, position_cells=16)
+    config = HogSettings(normalisation="none", orientation_cells=16, position_cells=16)
     position = Hog(config).describe(panorama).position.reshape(16, 16)
     assert position[:, 4].tolist() == [96.0] + [192.0] * 14 + [96.0]
     assert np.delete(position, 4, axis=1).sum() == 0.0
@@ -84,7 +84,7 @@ def test_a_rotation_leaves_the_position_descriptor_bit_for_bit(columns):
 @pytest.mark.parametrize("cells", [1, 7, 255])
 def test_a_rotation_rolls_the_orientation_descriptor_bit_for_bit(cells, normalisation):
     panorama = np.random.default_rng(2).integers(0, 256, (128, 512)).astype(np.uint8)
-    hog = Hog(HogConfig(normalisation=normalisation))
+    hog = Hog(HogSettings(normalisation=normalisation))
     turned = hog.describe(np.roll(panorama, 2 * cells, axis=1))
     assert np.array_equal(turned.orientation, np.roll(hog.describe(panorama).orientation, cells, axis=0))
 
@@ -105,7 +105,7 @@ def test_a_black_image_has_a_finite_descriptor():
 
 def test_a_cell_wider_than_the_panorama_is_refused():
     with pytest.raises(ConfigError, match=r"hog\.orientation_width"):
-        Hog(HogConfig(orientation_width=600)).describe(np.zeros((128, 512), np.uint8))
+        Hog(HogSettings(orientation_width=600)).describe(np.zeros((128, 512), np.uint8))
 
 
 def test_a_size_that_does_not_divide_is_refused():

@@ -3,8 +3,14 @@
 import json
 import runpy
 
+import numpy as np
 import pytest
 
+from omnieval.components import resolve_component
+from omnieval.explain.run import RunExplainer
+from omnieval.explain.words import decision_text
+from omnieval.loop import replay
+from omnieval.mapping.step import Role
 from omnieval.metrics.evaluation import METRICS
 from omnieval.testing import check_descriptor, check_mapper
 from tests.docs.pages import ROOT
@@ -20,15 +26,33 @@ def example():
 
 def test_descriptor_and_mapper_keep_their_contracts(example):
     check_descriptor(example["GreyBands"]())
-    check_mapper(example["NearestCentroid"])
+    check_mapper(example["FirstImage"])
 
 
 def test_every_combination_is_judged(example, panoramas):
     judged = example["main"](f"folder:{panoramas}", 60)
-    assert judged["descriptor"].to_list() == ["hog", "hog", "grey-bands", "grey-bands"]
-    assert judged["mapper"].to_list() == ["Mapper", "NearestCentroid"] * 2
+    assert judged["descriptor"].to_list() == ["hog"] * 3 + ["grey-bands"] * 3
+    assert judged["mapper"].to_list() == ["roman2020", "leader", "first-image"] * 2
     assert set(judged.columns[2:]) <= set(METRICS)
     assert judged["nodes"].min() >= 1
+
+
+def test_the_mapper_is_explained_in_its_own_words(example, panoramas, tmp_path):
+    explainer = RunExplainer(replay(panoramas, mapper=example["FirstImage"], reach=0.9, out=tmp_path / "run"))
+    scenes = [scene for scene in explainer.scenes() if scene.step.role is Role.REFUSED]
+    assert scenes
+    for scene in scenes:
+        assert "refused (new): distance from the first image of node " in decision_text(scene.step, explainer.method)
+        (flip,) = explainer.explain(scene.step.frame).flips
+        assert "would let it join node" in flip.text
+
+
+@pytest.mark.parametrize("rows", [32, 16])
+def test_the_descriptor_of_a_file_keeps_its_contract_and_can_be_set(rows):
+    component = resolve_component("descriptor", f"{EXAMPLES / 'bands.py'}:Bands", {"rows": rows})
+    assert (component.name, component.settings) == ("bands", {"rows": rows, "columns": 128})
+    assert component.make().describe(np.zeros((128, 512), np.uint8)).position.shape == (rows,)
+    check_descriptor(component.make())
 
 
 def test_the_notebook_was_executed_and_is_small():

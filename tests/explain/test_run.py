@@ -140,6 +140,8 @@ def test_the_turn_is_an_angle_only_where_the_cells_of_the_descriptor_are_known(r
     earlier = dataclasses.replace(run, manifest=silent)
     frame = int(run.steps.filter(pl.col("best_frame").is_not_null())["frame"][0])
     known, unknown = (RunExplainer(one).scene(frame) for one in (run, earlier))
+    assert known.step.match is not None
+    assert known.shift_degrees is not None
     assert (known.shift_degrees - known.step.match.shift * 360 / 256) % 360 == pytest.approx(0.0)
     assert unknown.shift_degrees is None
     assert " deg" in match_text(known)

@@ -40,7 +40,7 @@ def test_the_first_differing_step_is_named_with_both_verdicts_and_the_parameter(
     assert found.columns["verdict"] == ("assigned", "prominence")
     assert found.settings == {"gamma": (1.0, 20.0)}
     before = pl.col("frame") < found.frame
-    same = ["verdict", "node", "best_frame", "gate_ratios"]
+    same = ["verdict", "node", "best_frame", "prominence_ratio"]
     assert one.steps.filter(before).select(same).equals(strict.steps.filter(before).select(same))
 
 

@@ -11,7 +11,7 @@ import omnieval
 from omnieval.loop import replay
 from omnieval.results.content import MEASURED, content_hash, folder_hash
 from omnieval.results.run_folder import open_run
-from omnieval.results.schemas import ABLATION, NODES, PARTITIONS, STEPS, TRANSITIONS
+from omnieval.results.schemas import NODES, PARTITIONS, STEPS, TRANSITIONS, ablation_schema
 from tests.cli.test_cli import in_process
 
 ITEM = pl.Struct({"kind": pl.Enum(["a", "b"]), "frames": pl.List(pl.Int32)})
@@ -70,7 +70,7 @@ def test_the_clock_and_the_file_do_not_count(tmp_path):
     TABLE.write_parquet(tmp_path / "other.parquet", compression="lz4", row_group_size=1, statistics=False)
     assert content_hash(pl.read_parquet(tmp_path / "other.parquet")) == content_hash(TABLE)
     assert content_hash(pl.concat([TABLE.head(1), TABLE.slice(1)], rechunk=False)) == content_hash(TABLE)
-    for schema in (STEPS, NODES, TRANSITIONS, PARTITIONS, ABLATION):
+    for schema in (STEPS, NODES, TRANSITIONS, PARTITIONS, ablation_schema({"omega": "float"})):
         assert {name for name in schema if name in MEASURED} == set(schema) & {"milliseconds", "seconds"}
         assert content_hash(schema.to_frame()) != content_hash(TABLE)
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,15 +12,17 @@ import pytest
 
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.errors import ResultError
-from omnieval.mapping.step import EventKind, NodeEvent, Step, Verdict
+from omnieval.mapping.partition import Partition
+from omnieval.mapping.step import EventKind, NodeEvent, Role, Step
 from omnieval.results.run_folder import RunWriter, free_folder, open_run
 from omnieval.results.schemas import SCHEMA_VERSION, STEPS
 from omnieval.results.tables import step_from_row, step_row, steps_frame
 
 
 def a_row(number, *, events=()):
-    step = Step(number, Verdict.INITIAL, 1, None, None, None, 0, tuple(events), 1, 0, None)
-    return step_row(step, Frame(path=Path(), file=f"{number}.png", pose=Pose(1.0, 2.0, 0.5), room="CR"), 0.25)
+    step = Step(number, "initial", Role.FOUNDING, 1, events=tuple(events))
+    frame = Frame(path=Path(), file=f"{number}.png", pose=Pose(1.0, 2.0, 0.5), room="CR")
+    return step_row(step, frame, Partition(), 0.25)
 
 
 def finished(folder, rows=1):
@@ -94,6 +97,69 @@ def test_a_run_that_is_left_early_keeps_its_steps_and_says_why(tmp_path, monkeyp
     assert (run.status, run.manifest["reason"]) == ending
     assert run.steps["frame"].to_list() == list(range(6))
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["run.json", "steps.parquet"]
+
+
+def abandoned(folder, told):
+    def write():
+        with RunWriter(folder, {"frames": 3}, overwrite=True) as writer:
+            writer.when_abandoned = lambda: told(writer)
+            writer.step(a_row(0))
+            writer.step(a_row(1))
+            raise MemoryError
+
+    with pytest.raises(MemoryError):
+        write()
+    return open_run(folder)
+
+
+def test_a_run_that_is_left_early_tells_of_its_prefix(tmp_path):
+    run = abandoned(tmp_path / "run", lambda writer: {"came_to": len(writer.steps())})
+    assert (run.status, run.manifest["came_to"], len(run.steps)) == ("failed", 2, 2)
+    with RunWriter(tmp_path / "run", {}, overwrite=True) as writer:
+        writer.when_abandoned = lambda: {"came_to": 0}
+        writer.finish({}, {})
+    assert "came_to" not in open_run(tmp_path / "run").manifest
+
+
+@pytest.mark.parametrize("told", [lambda writer: 1 // 0, lambda writer: {"came_to": Path()}])
+def test_what_cannot_be_told_of_a_prefix_costs_nothing_else(tmp_path, told):
+    run = abandoned(tmp_path / "run", told)
+    assert (run.manifest["status"], run.manifest["reason"]) == ("failed", "MemoryError")
+    assert run.manifest["file_digests"]
+    assert run.steps["frame"].to_list() == [0, 1]
+
+
+def test_a_prefix_that_could_not_be_kept_is_not_told_of(tmp_path, monkeypatch):
+    def full(*arguments):
+        raise ResultError("no space left")
+
+    monkeypatch.setattr("omnieval.results.run_folder.write_table", full)
+    run = abandoned(tmp_path / "run", lambda writer: {"came_to": len(writer.steps())})
+    assert run.manifest["status"] == "failed"
+    assert "came_to" not in run.manifest
+
+
+@pytest.mark.parametrize("rows", [1, 100])
+def test_ctrl_c_while_steps_are_put_together_keeps_each_once(tmp_path, monkeypatch, rows):
+    monkeypatch.setattr("omnieval.results.run_folder._PART_ROWS", rows)
+    together = pl.concat
+
+    def interrupted(*arguments):
+        monkeypatch.undo()
+        signal.raise_signal(signal.SIGINT)
+        return together(*arguments)
+
+    def write():
+        with RunWriter(tmp_path / "run", {}) as writer:
+            for number in range(3):
+                writer.step(a_row(number))
+            monkeypatch.setattr("polars.concat", interrupted)
+            writer.steps()
+
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    run = open_run(tmp_path / "run")
+    assert (run.status, run.steps["frame"].to_list()) == ("interrupted", [0, 1, 2])
 
 
 def test_a_killed_run_is_interrupted(tmp_path):
@@ -203,13 +269,14 @@ def test_events_survive_the_table(tmp_path):
         writer.step(a_row(7, events=events))
         writer.finish({"steps": writer.steps()}, {})
     (row,) = open_run(tmp_path / "run").steps.iter_rows(named=True)
-    assert step_from_row(row).events == events
+    assert step_from_row(row, ()).events == events
 
 
 def test_times_are_nanoseconds_since_the_epoch(tmp_path):
-    step = Step(0, Verdict.INITIAL, 1, None, None, None, 0, (), 1, 0, None)
+    step = Step(0, "initial", Role.FOUNDING, 1)
+    frame = Frame(path=Path(), file="a", time_ns=1_152_904_768_652_404_000)
     with RunWriter(tmp_path / "run", {}) as writer:
-        writer.step(step_row(step, Frame(path=Path(), file="a", time_ns=1_152_904_768_652_404_000), 0.1))
+        writer.step(step_row(step, frame, Partition(), 0.1))
         assert writer.steps()["time"].cast(pl.Int64).to_list() == [1_152_904_768_652_404_000]
 
 
@@ -225,7 +292,7 @@ def test_a_folder_of_our_choice_is_always_in_its_parent(tmp_path, name):
     ("error", "reason"), [(KeyboardInterrupt(), "interrupted by the user"), (MemoryError(), "MemoryError")]
 )
 def test_what_ends_a_complete_run_early_can_only_have_cost_the_recording(tmp_path, error, reason):
-    whole = steps_frame([a_row(0)]).with_columns(node_final=pl.lit(1, pl.Int32))
+    whole = steps_frame([a_row(0)], ()).with_columns(node_final=pl.lit(1, pl.Int32))
 
     def write():
         with RunWriter(tmp_path / "run", {}) as writer:
