@@ -15,7 +15,7 @@ from omnieval.mapping.roman2020.settings import PRESETS
 from omnieval.material import Cut
 from omnieval.regression import case_report as report
 from omnieval.regression import judge
-from omnieval.regression.cases import Selection, canonical_source, portable_source
+from omnieval.regression.cases import Selection, canonical_source, portable
 from omnieval.regression.gate import check
 from omnieval.regression.junit import write_junit
 from omnieval.regression.reference import Case, Guard, NodeRange, read_reference, write_reference
@@ -590,9 +590,13 @@ def test_sources_in_the_working_directory_are_written_relative(panoramas, tmp_pa
     monkeypatch.chdir(panoramas.parent)
     canonical = canonical_source(f"folder:{panoramas.name}")
     assert canonical == omnieval.load(f"folder:{panoramas.name}").source == canonical_source(panoramas.name)
-    assert portable_source(canonical) == f"folder:{panoramas.name}"
+    assert portable(canonical) == f"folder:{panoramas.name}"
+    assert portable(f"{panoramas.parent}/own.py:Own") == "own.py:Own"
+    assert portable(f"folder:{panoramas.parent}") == "folder:."
+    assert portable(f"folder:/other{panoramas.parent}/x") == f"folder:/other{panoramas.parent}/x"
+    assert portable(f"folder:{panoramas.parent}-2") == f"folder:{panoramas.parent}-2"
     monkeypatch.chdir(tmp_path)
-    assert portable_source(canonical) == canonical
+    assert portable(canonical) == canonical
     assert canonical_source("synthetic") == canonical_source("synthetic:cloudy") == "synthetic:cloudy"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -88,7 +89,7 @@ class Job:
     def recorded(self) -> dict[str, Any]:
         """Its parameters as a reference holds them."""
         return {
-            name: portable_spec(value) if name in _COMPONENTS else value
+            name: portable(value) if name in _COMPONENTS else value
             for name, value in self.parameters.items()
             if sayable(value)
         }
@@ -243,19 +244,10 @@ def canonical_source(source: str) -> str:
     return f"{scheme}:{rest or LIGHTS[0]}" if scheme == "synthetic" else f"{scheme}:{canonical_path(rest)}"
 
 
-def portable_source(source: str) -> str:
-    """Return a canonical source with a path in the working directory made relative, for other people's checkouts."""
-    scheme, _, rest = source.partition(":")
-    path = Path(rest)
-    if not path.is_absolute() or not path.is_relative_to(Path.cwd()):
-        return source
-    return f"{scheme}:{path.relative_to(Path.cwd()).as_posix()}"
+def portable(name: str) -> str:
+    """Return a source or what names a component with a path in the working directory made relative.
 
-
-def portable_spec(spec: str) -> str:
-    """Return what names a component, with a path in the working directory made relative; see `portable_source`."""
-    where, _, name = spec.rpartition(":")
-    path = Path(where)
-    if not where.endswith(".py") or not path.is_relative_to(Path.cwd()):
-        return spec
-    return f"{path.relative_to(Path.cwd()).as_posix()}:{name}"
+    It is for other people's checkouts.
+    """
+    here = re.escape(str(Path.cwd()))
+    return re.sub(rf"(^|:){here}(/|$)", lambda found: found[1] + ("" if found[2] else "."), name)

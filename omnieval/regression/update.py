@@ -17,8 +17,7 @@ from omnieval.regression.cases import (
     Progress,
     Selection,
     left_out,
-    portable_source,
-    portable_spec,
+    portable,
     refuse_selection,
     replayed,
     selection_of,
@@ -175,10 +174,10 @@ def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -
                 component.again()
         new = old or Case(
             name=name,
-            source=portable_source(job.source),
+            source=portable(job.source),
             cut=job.cut,
-            mapper=None if config.mapper.is_default else portable_spec(config.mapper.spec or ""),
-            descriptor=None if config.descriptor.spec is None else portable_spec(config.descriptor.spec),
+            mapper=None if config.mapper.is_default else portable(config.mapper.spec or ""),
+            descriptor=None if config.descriptor.spec is None else portable(config.descriptor.spec),
             parameters=job.deviations,
             nodes=NodeRange(value=1, min=1, max=1),
             guards={},
