@@ -1,17 +1,22 @@
-"""Writes ``commands.md`` and ``parameters.md`` from the command line itself: ``python docs/reference.py``."""
+"""Writes what pages say of declarations: ``python docs/reference.py``.
+
+``commands.md`` and ``parameters.md`` come from the command line; in ``columns.md``, what mappers declare.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from typer.main import get_command
 
 from omnieval.cli import app, main
+from omnieval.components import BUILT_IN, find_class
+from omnieval.mapping.interface import Method
 
 HERE = Path(__file__).parent
 _MADE = "<!-- made by docs/reference.py -->"
@@ -43,12 +48,15 @@ _PARAMETERS = f"""\
 # Parameters
 
 Set them with `--set NAME=VALUE`, in a TOML file given with `--config`, or as the axis of an ablation with `--vary`;
-later settings win over earlier ones, and all over a `--preset`. What the choices mean, and why the defaults are what
-they are, stands in [method.md](method.md).
-
-| name | default | range | meaning |
-|---|---|---|---|
+later settings win over earlier ones, and all over a `--preset`. A mapper's parameters are set by their bare names, those of
+imaging and of a descriptor with its name before them (`imaging.rows`, `hog.bins`); a bare name does where only one of the
+chosen components has it. The bare name of a parameter of another component is refused; with the component's name before it
+(`leader.radius`) it is set for when that one is chosen. `omnieval parameters --mapper NAME --descriptor NAME` lists those of
+components of one's own. What the choices of `roman2020` and of the descriptors mean, and why the defaults are what they are,
+stands in [method.md](method.md).
 """
+
+_FROM, _TO = "<!-- made by docs/reference.py from here -->", "<!-- to here -->"
 
 
 def commands() -> str:
@@ -60,19 +68,59 @@ def commands() -> str:
 
 def parameters() -> str:
     """Return the text of ``parameters.md``."""
-    rows = [
-        f"| `{name}` | {_cell(facts['default'])} | {_escaped(facts['range'])} | {_escaped(facts['meaning'])} |"
-        for name, facts in _listed().items()
+    listed = {mapper: _listed("--mapper", mapper) for mapper in BUILT_IN["mapper"]}
+    default = next(iter(listed))
+    sections = [(f"Mapper {mapper}", "", facts) for mapper, facts in listed.items()]
+    sections.append(("Imaging", "imaging.", listed[default]))
+    sections += [(f"Descriptor {name}", f"{name}.", listed[default]) for name in BUILT_IN["descriptor"]]
+    return "\n".join([_PARAMETERS, *(_parameters(*section) for section in sections)])
+
+
+def columns() -> str:
+    """Return the text of ``columns.md``, with what mappers declare written anew."""
+    before, _, rest = (HERE / "columns.md").read_text("utf-8").partition(_FROM)
+    after = rest.partition(_TO)[2]
+    return "\n".join([before + _FROM, "", *map(_declared, BUILT_IN["mapper"]), _TO + after])
+
+
+def _declared(mapper: str) -> str:
+    """Return what a mapper declares: its gates, its columns and the names of its curves."""
+    method = Method.of(find_class("mapper", mapper), mapper, {})
+    heads = ("gate", "values", "threshold", "one of each", "asked of every loop closure")
+    gates = [
+        (f"`{gate.name}`", gate.value, gate.threshold, gate.of or "", "yes" if gate.closes else "")
+        for gate in method.gates
     ]
-    return _PARAMETERS + "\n".join(rows) + "\n"
+    columns = [(f"`{column.name}`", column.type, column.unit, column.meaning) for column in method.columns]
+    parts = [f"### {mapper}", _table(heads, gates)]
+    parts.append(_table(("column", "type", "unit", "meaning"), columns) if columns else "It has no columns of its own.")
+    if method.curves:
+        parts.append(f"Similarity curves, which no table holds: {', '.join(method.curves)}.")
+    return "\n\n".join(parts) + "\n"
 
 
-def _listed() -> dict[str, dict[str, Any]]:
+def _parameters(heading: str, prefix: str, listed: dict[str, dict[str, Any]]) -> str:
+    """Return the table of the parameters whose names are bare behind a prefix."""
+    rows = [
+        (f"`{name}`", _cell(facts["default"]), facts["range"], facts["meaning"])
+        for name, facts in listed.items()
+        if name.startswith(prefix) and "." not in name.removeprefix(prefix)
+    ]
+    return f"## {heading}\n\n{_table(('name', 'default', 'range', 'meaning'), rows)}\n"
+
+
+def _listed(*options: str) -> dict[str, dict[str, Any]]:
     """Return what ``omnieval parameters --json`` lists."""
     with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.suppress(SystemExit):
-        main(["parameters", "--json"])
+        main(["parameters", "--json", *options])
     listed: dict[str, dict[str, Any]] = json.loads(said.getvalue())["parameters"]
     return listed
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table of Markdown."""
+    lines = [heads, ["---"] * len(heads), *(list(map(_escaped, row)) for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" if line[0] != "---" else f"|{'|'.join(line)}|" for line in lines)
 
 
 def _leaves(command: Any, words: str) -> Iterator[tuple[str, Any]]:
@@ -93,18 +141,18 @@ def _section(words: str, command: Any) -> str:
     usage = " ".join([words, *map(_argument, arguments), *(["[OPTIONS]"] if options else [])])
     parts = [f"## {words}", f"`{usage}`", text.strip(), "```sh\n" + "\n".join(lines) + "\n```"]
     if command.params:
-        parts.append("\n".join(["| argument or option | meaning |", "|---|---|", *_rows([*arguments, *options])]))
+        parts.append(_table(("argument or option", "meaning"), _rows([*arguments, *options])))
     return "\n\n".join(parts) + "\n"
 
 
-def _rows(params: Iterable[Any]) -> Iterator[str]:
+def _rows(params: Iterable[Any]) -> Iterator[tuple[str, str]]:
     for one in params:
         named = one.opts[0].startswith("-")
         value = "" if not named or one.is_flag else f" {one.metavar or one.name.strip('_').upper()}"
         name = f"{one.opts[0]}{value}" if named else _argument(one)
         default = "" if one.default is None or one.default is False else f" Default: `{one.default}`."
         required = " Required." if named and one.required else ""
-        yield f"| `{_escaped(name)}` | {_escaped(one.help)}{default}{required} |"
+        yield f"`{name}`", f"{one.help}{default}{required}"
 
 
 def _argument(argument: Any) -> str:
@@ -121,5 +169,5 @@ def _escaped(text: str) -> str:
 
 
 if __name__ == "__main__":
-    (HERE / "commands.md").write_text(commands(), "utf-8")
-    (HERE / "parameters.md").write_text(parameters(), "utf-8")
+    for page in (columns, commands, parameters):
+        (HERE / f"{page.__name__}.md").write_text(page(), "utf-8")

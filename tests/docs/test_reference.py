@@ -1,21 +1,44 @@
 """What the documentation lists is what there is: columns, keys, parameters, metrics, commands."""
 
 import json
+import re
 import runpy
 
+import polars as pl
 import pytest
 
+import omnieval
+from omnieval.components import BUILT_IN
 from omnieval.config import parameters
-from omnieval.mapping.step import Placement, Verdict
+from omnieval.mapping.roman2020.evidence import Verdict
+from omnieval.mapping.step import Placement, Role
 from omnieval.metrics.evaluation import METRICS
-from omnieval.results.schemas import ABLATION, NODES, PARTITIONS, STEPS, TRANSITIONS
+from omnieval.results.schemas import (
+    COMPARISON,
+    NODES,
+    PARTITIONS,
+    STEPS,
+    TRANSITIONS,
+    ablation_schema,
+    parameter_type,
+)
 from tests.cli.test_cli import SMALL, in_process
 from tests.docs.pages import ROOT, section, tables
 
 DOCS = ROOT / "docs"
 COLUMNS = (DOCS / "columns.md").read_text("utf-8")
-GROUPS = {"*metrics*": METRICS, "*parameters*": tuple(parameters())}
+PARAMETERS = parameters(everything=False)
+GROUPS = {"*metrics*": METRICS, "*parameters*": tuple(PARAMETERS)}
 """What a row of a table stands for."""
+TABLES = {
+    "steps.parquet": STEPS,
+    "comparisons": pl.Schema({field.name: field.dtype for field in COMPARISON.fields}),
+    "nodes.parquet": NODES,
+    "transitions.parquet": TRANSITIONS,
+    "baseline.parquet": PARTITIONS,
+    "ablation.parquet": ablation_schema({name: parameter_type(field) for name, field in PARAMETERS.items()}),
+}
+"""Columns of the tables, by the headings under which they are described."""
 
 
 def first_cells(text):
@@ -24,31 +47,47 @@ def first_cells(text):
     return [name for cell in cells for name in GROUPS.get(cell, (cell.strip("`"),))]
 
 
-@pytest.mark.parametrize(
-    ("heading", "schema"),
-    [
-        ("steps.parquet", STEPS),
-        ("nodes.parquet", NODES),
-        ("transitions.parquet", TRANSITIONS),
-        ("baseline.parquet", PARTITIONS),
-        ("ablation.parquet", ABLATION),
-    ],
-)
-def test_every_column_is_described_and_no_other(heading, schema):
-    assert first_cells(section(COLUMNS, heading)) == list(schema)
+@pytest.mark.parametrize("heading", TABLES)
+def test_every_column_is_described_and_no_other(heading):
+    assert first_cells(section(COLUMNS, heading)) == list(TABLES[heading])
 
 
-def test_every_verdict_and_placement_is_described():
-    steps = section(COLUMNS, "steps.parquet")
-    rows = {row[0].strip("`"): row[3] for table in tables(steps) for row in table[1:]}
-    assert [one for one in Verdict if f"`{one}`" not in rows["verdict"]] == []
-    assert [one for one in Placement if f"`{one}`" not in rows["placement"]] == []
+@pytest.mark.parametrize("heading", TABLES)
+def test_every_column_has_the_type_that_is_described(heading):
+    said = {row[0].strip("`"): row[1] for table in tables(section(COLUMNS, heading)) for row in table[1:]}
+    assert {name: word_of(dtype) for name, dtype in TABLES[heading].items() if name in said} == {
+        name: word for name, word in said.items() if name not in GROUPS
+    }
+
+
+def word_of(dtype):
+    """Return the type of a column in a word."""
+    if isinstance(dtype, pl.List):
+        return "list" if isinstance(dtype.inner, pl.Struct) else f"list of {word_of(dtype.inner)}"
+    words = {pl.String: "text", pl.Boolean: "bool", pl.Datetime: "time", pl.Enum: "choice"}
+    return "int" if dtype.is_integer() else "float" if dtype.is_float() else words[dtype.base_type()]
+
+
+def test_every_verdict_role_and_placement_is_described():
+    rows = {row[0].strip("`"): row[3] for table in tables(section(COLUMNS, "steps.parquet")) for row in table[1:]}
+    for column, words in {"verdict": Verdict, "role": Role, "placement": Placement}.items():
+        assert [one for one in words if f"`{one}`" not in rows[column]] == []
+
+
+def test_every_gate_and_column_that_a_mapper_declares_is_described():
+    declared = section(COLUMNS, "What a mapper declares")
+    for name in BUILT_IN["mapper"]:
+        mapper = next(cls for cls in (omnieval.Roman2020, omnieval.Leader) if cls.name == name)
+        text = declared.split(f"\n### {name}\n")[1].split("\n### ")[0]
+        assert first_cells(text) == [one.name for one in (*mapper.gates, *mapper.columns)]
 
 
 def test_every_key_of_a_complete_run_is_described_and_no_other(panoramas, tmp_path):
     assert in_process("replay", panoramas, *SMALL, "--no-images", "--out", "run", cwd=tmp_path).returncode == 0
     content = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert set(first_cells(section(COLUMNS, "run.json"))) == set(content)
+    described = section(COLUMNS, "run.json").split("are told of like this")
+    assert set(first_cells(described[0])) == set(content)
+    assert set(first_cells(described[1])) == set(content["descriptor"])
 
 
 def test_every_metric_is_described_and_no_other():
@@ -64,7 +103,7 @@ def test_the_readme_has_the_defaults():
     assert {name: str(parameters()[name].default) for name in rows} == rows
 
 
-@pytest.mark.parametrize("page", ["commands", "parameters"])
+@pytest.mark.parametrize("page", ["columns", "commands", "parameters"])
 def test_generated_pages_are_current(page):
     made = runpy.run_path(str(DOCS / "reference.py"))[page]()
     assert (DOCS / f"{page}.md").read_text("utf-8") == made, "run: python docs/reference.py"
@@ -73,3 +112,13 @@ def test_generated_pages_are_current(page):
 def test_the_explained_decision_of_the_readme_is_that_of_the_pictures():
     explained = (DOCS / "pictures" / "explained.txt").read_text("utf-8")
     assert f"```text\n{explained.rstrip()}\n```" in (ROOT / "README.md").read_text("utf-8")
+
+
+def test_the_descriptor_of_the_readme_is_that_of_the_examples():
+    example = (DOCS / "examples" / "bands.py").read_text("utf-8").split('"""\n\n', maxsplit=1)[1]
+    assert f"```python\n{example}```" in (ROOT / "README.md").read_text("utf-8")
+
+
+def test_the_changelog_begins_with_this_version():
+    versions = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    assert versions == [omnieval.__version__, "0.1.0"]
