@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         Step,
     )
     from omnieval.recording import RecordingOptions
-    from omnieval.regression.check import check
+    from omnieval.regression.gate import check
     from omnieval.report.write import write_report
     from omnieval.results.compare import compare
     from omnieval.results.run_folder import Run, open_run
@@ -80,7 +80,7 @@ _HOMES = {
     "Role": "mapping.step",
     "Step": "mapping.step",
     "RecordingOptions": "recording",
-    "check": "regression.check",
+    "check": "regression.gate",
     "write_report": "report.write",
     "compare": "results.compare",
     "Run": "results.run_folder",

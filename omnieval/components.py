@@ -285,20 +285,24 @@ def code_digest(cls: Any) -> str:
     file = getattr(module, "__file__", None)
     if file is None or not Path(file).is_file():
         return digest_of(_own_source(cls))
-    # Loading a module again gives it another spec.
-    modules = [vars(one) for one in list(sys.modules.values()) if inspect.ismodule(one)]
-    loaded = {one.get("__file__"): one.get("__spec__") for one in modules}
-    known, files, digest = _DIGESTS.get(cls.__module__, (None, {}, ""))
-    if known is module and all(spec is None or loaded.get(one) is spec for one, spec in files.items()):
+    known, specs, digest = _DIGESTS.get(cls.__module__, (None, {}, ""))
+    if known is module and all(_spec_in_use(name) is spec for name, spec in specs.items()):
         return digest
     found = sorted(_closure(Path(file), cls.__module__))
     digest = files_digest(tuple(found), _root(Path(file), cls.__module__))
-    _DIGESTS[cls.__module__] = module, {str(one): loaded.get(str(one)) for one in found}, digest
+    files = {str(one) for one in found}
+    names = [name for name, one in list(sys.modules.items()) if getattr(one, "__file__", None) in files]
+    _DIGESTS[cls.__module__] = module, {name: _spec_in_use(name) for name in names}, digest
     return digest
 
 
+def _spec_in_use(name: str) -> Any:
+    """Return the spec of a loaded module; loading it again gives it another."""
+    return getattr(sys.modules.get(name), "__spec__", None)
+
+
 _DIGESTS: dict[str, tuple[Any, dict[str, Any], str]] = {}
-"""By module: the module, the files of its code with what they were loaded as, and their digest."""
+"""By module: the module, the specs of those that its code is in by name, and the digest of that code."""
 
 
 def files_digest(files: tuple[Path, ...], root: Path) -> str:

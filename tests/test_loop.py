@@ -194,9 +194,8 @@ def test_omnievals_mapper_may_be_given_too(run, panoramas, tmp_path):
 
 def test_components_have_names_and_parameters_are_keywords(panoramas, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run = replay(
-        str(panoramas), mapper="leader", descriptor="gist", radius=4.0, start=2, limit=30, **{"gist.levels": 1}
-    )
+    settings = {"radius": 4.0, "gist.levels": 1}
+    run = replay(str(panoramas), config=settings, mapper="leader", descriptor="gist", start=2, limit=30)
     assert run.folder.as_posix() == "runs/three-places0-gist-leader"
     assert (run.config.settings["radius"], run.config.settings["gist.levels"]) == (4.0, 1)
     assert run.steps["file"].to_list() == [f"image{number}.png" for number in range(2, 32)]

@@ -1,5 +1,6 @@
 """The silhouette gate: every way to fail, what passes, and what an update keeps."""
 
+import shutil
 import tomllib
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -11,15 +12,18 @@ import omnieval
 from omnieval.errors import ConfigError, DatasetError, RegressionError, ResultError
 from omnieval.loop import describe_archive, replay
 from omnieval.mapping.roman2020.settings import PRESETS
-from omnieval.regression import judge, report
-from omnieval.regression.cases import Selection, canonical_source, portable_source
-from omnieval.regression.check import check
+from omnieval.material import Cut
+from omnieval.regression import case_report as report
+from omnieval.regression import judge
+from omnieval.regression.cases import Selection, canonical_source, portable
+from omnieval.regression.gate import check
 from omnieval.regression.junit import write_junit
-from omnieval.regression.reference import Case, Cut, Guard, NodeRange, read_reference, write_reference
+from omnieval.regression.reference import Case, Guard, NodeRange, read_reference, write_reference
 from omnieval.regression.trace import DECISION, first_parting, read_trace, write_trace
 from omnieval.regression.update import change_lines, update
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
+CONFIGURED = omnieval.configure(CONFIG)
 COMMITTED = sorted((Path(__file__).parents[1] / "runs" / "reference").glob("*.toml"))
 
 
@@ -36,7 +40,7 @@ def judged(metrics, **changed):
 
 @pytest.fixture(scope="module")
 def run(panoramas, tmp_path_factory):
-    return replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path_factory.mktemp("runs") / "first")
+    return replay(panoramas, config=CONFIGURED, out=tmp_path_factory.mktemp("runs") / "first")
 
 
 @pytest.fixture
@@ -118,7 +122,7 @@ def test_a_value_that_fell_fails_and_is_named(run, reference):
     (found,) = check(reference, [str(run.folder)])
     assert found.failed
     assert [outcome.metric for outcome in found.outcomes if outcome.failed] == ["silhouette"]
-    assert "silhouette of " in report.summary([found], reference)
+    assert "silhouette of " in str(report.failure([found], reference))
     row = next(row for row in report.table_rows([found]) if row["metric"] == "silhouette")
     assert (row["judgement"], row["difference"]) == ("worse", "-0.1000")
 
@@ -156,7 +160,7 @@ def test_an_interrupted_run_fails(run, reference, panoramas, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        replay(panoramas, config=omnieval.configure(CONFIG), out=tmp_path / "half", progress=stop)
+        replay(panoramas, config=CONFIGURED, out=tmp_path / "half", progress=stop)
     (found,) = check(reference, [str(tmp_path / "half")])
     assert {outcome.judgement for outcome in found.outcomes} == {"missing"}
     assert found.parting is not None
@@ -194,6 +198,13 @@ def test_a_component_that_is_gone_is_an_error_of_configuration(reference, tmp_pa
     assert isinstance(report.failure([found], reference), ConfigError)
 
 
+def test_a_source_that_is_not_there_is_no_regression_and_hides_no_other(reference, panoramas, tmp_path):
+    good, *gone = check(reference, [str(panoramas), f"folder:{tmp_path / 'gone'}", "nowhere", "gone.npz"])
+    assert not good.failed
+    assert [type(found.error) for found in gone] == [DatasetError] * 3
+    assert "--update" not in str(report.failure(gone, reference))
+
+
 def test_what_the_reference_has_no_case_for_fails(run, reference, panoramas, tmp_path):
     other = replay(panoramas, config=omnieval.configure({**CONFIG, "gamma": 2.0}), out=tmp_path / "other")
     (found,) = check(reference, [str(other.folder)])
@@ -206,13 +217,13 @@ def test_what_the_reference_has_no_case_for_fails(run, reference, panoramas, tmp
 
 
 def test_a_selection_chooses_among_the_cases_of_a_source(reference, panoramas):
-    (found,) = check(reference, [str(panoramas)], selection=Selection(omnieval.configure(CONFIG)))
+    (found,) = check(reference, [str(panoramas)], selection=Selection(CONFIGURED))
     assert not found.failed
-    (found,) = check(reference, [str(panoramas)], selection=Selection(omnieval.configure(CONFIG), Cut(limit=40)))
+    (found,) = check(reference, [str(panoramas)], selection=Selection(CONFIGURED, Cut(limit=40)))
     assert found.fault is not None
     assert "limit None there, 40 here" in found.fault
     with pytest.raises(ConfigError, match="name one"):
-        check(reference, selection=Selection(omnieval.configure(CONFIG)))
+        check(reference, selection=Selection(CONFIGURED))
 
 
 def test_no_reference_and_an_empty_one_fail(tmp_path):
@@ -235,7 +246,8 @@ def test_no_reference_and_an_empty_one_fail(tmp_path):
         ("tolerance = 0.02", "tolerance = -0.02", "tolerance"),
         ("nodes = ", "share_pending = ", "nodes"),
         ("name = ", "nome = ", "name"),
-        ("gamma = 1.0", "gamma = true", "gamma"),
+        ("stride = 1", "stride = 0", "stride"),
+        ("stride = 1", "strid = 1", "strid"),
         ("[[case]]", "[case]", "write every case as a"),
         ("date = ", "dote = ", "date"),
     ],
@@ -355,6 +367,26 @@ def test_an_update_keeps_what_people_edit_and_says_what_changed(run, reference):
     assert any(line.startswith("  silhouette 0.123 -> ") for line in lines)
 
 
+def test_an_update_adds_to_a_reference_without_cases(run, tmp_path):
+    path = tmp_path / "new.toml"
+    path.write_text("# mine\nschema_version = 2\n")
+    update(path, [str(run.folder)])
+    assert path.read_text().startswith("# mine\nschema_version = 2\n\n[[case]]\nname = ")
+    path.write_text(
+        'schema_version = 2\ncase = [{ name = "a", source = "synthetic", expected = { nodes = { value = 1, '
+        "min = 1, max = 1 } } }]\n"
+    )
+    with pytest.raises(ConfigError, match="write every case as a"):
+        update(path, [str(run.folder)])
+
+
+def test_an_update_forgets_parameters_that_there_are_no_more(reference):
+    reference.write_text(reference.read_text().replace("[case.made.parameters]", "[case.made.parameters]\nold = 3"))
+    assert check(reference)[0].settings == {"old": (3, None)}
+    update(reference)
+    assert check(reference)[0].settings == {}
+
+
 def test_comments_and_order_survive_an_update(run, reference):
     text = reference.read_text()
     line = next(line for line in text.splitlines() if line.startswith("silhouette_sq"))
@@ -412,6 +444,71 @@ def test_a_changed_descriptor_fails_with_a_warm_cache_as_with_a_cold_one(referen
     assert "the code of the descriptor is not that the reference was made with" in found.notes
 
 
+FLAGGED = """
+import omnieval
+class Flags(omnieval.LeaderSettings):
+    flag: bool = False
+    sizes: list[int] = [1]
+    nested: dict[str, list[int]] = {}
+    most: int | None = 5
+class Flagged(omnieval.Leader):
+    name = "flagged"
+    Settings = Flags
+"""
+
+
+def test_settings_of_any_type_are_kept_and_those_that_cannot_be_said_refused(panoramas, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(FLAGGED)
+    path = tmp_path / "own.toml"
+    settings = {"flag": True, "sizes": [1, 2], "nested": {"a b": [1], 'c "d"': []}}
+    update(path, [str(panoramas)], selection=Selection(omnieval.configure(settings, mapper="own.py:Flagged")))
+    assert read_reference(path)[0].parameters == settings
+    (found,) = check(path)
+    assert (found.failed, found.settings) == (False, {})
+    before = path.read_bytes()
+    selection = Selection(omnieval.configure(mapper="own.py:Flagged", most=None))
+    with pytest.raises(ResultError, match="no words for most None"):
+        update(path, [str(panoramas)], selection=selection)
+    assert path.read_bytes() == before
+
+
+def test_an_object_is_not_what_it_calls_itself(reference, panoramas, tmp_path):
+    class Local(omnieval.Hog):
+        """Has the name of another, and its settings."""
+
+    before = reference.read_bytes()
+    out = tmp_path / "local"
+    local = replay(panoramas, descriptor=Local(), config=CONFIG, out=out)
+    assert local.manifest["descriptor"]["name"] == "hog"
+    (found,) = check(reference, [str(out)])
+    assert isinstance(found.error, RegressionError)
+    assert "descriptor hog there, hog (an object) here" in str(found.error)
+    with pytest.raises(ResultError, match="no file or package names"):
+        update(reference, [str(out)])
+    assert reference.read_bytes() == before
+
+
+def test_a_run_whose_images_are_gone_or_others_is_no_case(reference, panoramas, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(panoramas, folder)
+    archive = tmp_path / "copy.npz"
+    describe_archive(folder, archive)
+    out, mapped = tmp_path / "run", tmp_path / "mapped"
+    replay(folder, config=CONFIG, out=out)
+    replay(str(archive), config=CONFIG, out=mapped)
+    before = reference.read_bytes()
+    shutil.copy(folder / "image7.png", folder / "image60.png")
+    with pytest.raises(ResultError, match="are not those that"):
+        update(reference, [str(out)])
+    shutil.rmtree(folder)
+    archive.unlink()
+    for gone in (out, mapped):
+        with pytest.raises(DatasetError, match="cannot be a case"):
+            update(reference, [str(gone)])
+    assert reference.read_bytes() == before
+
+
 def test_a_run_that_no_check_could_replay_is_no_case(panoramas, tmp_path, reference):
     class Local(omnieval.Leader):
         name = "local"
@@ -438,7 +535,7 @@ def test_what_was_left_out_is_part_of_a_case(panoramas, tmp_path):
     bad = sorted(folder.glob("*.png"))[7]
     bad.write_bytes(b"no image")
     out = tmp_path / "run"
-    replay(folder, config=omnieval.configure(CONFIG), out=out, skip_bad=True)
+    replay(folder, config=CONFIGURED, out=out, skip_bad=True)
     path = tmp_path / "skipped.toml"
     update(path, [str(out)])
     (case,) = read_reference(path)
@@ -448,6 +545,20 @@ def test_what_was_left_out_is_part_of_a_case(panoramas, tmp_path):
     assert found.parting is None
     (found,) = check(path, [str(out)])
     assert not found.failed
+    assert [found.failed for found in check(path, [str(folder)], selection=Selection(CONFIGURED, skip_bad=True))] == [
+        False
+    ]
+    (found,) = check(path, [str(folder)], selection=Selection(CONFIGURED))
+    assert f"left out {bad.name} there, none here" in str(found.error)
+    other = sorted(folder.glob("*.png"))[9]
+    other.write_bytes(b"no image")
+    (found,) = check(path)  # other images are no regression
+    assert isinstance(found.error, DatasetError)
+    assert f"are {bad.name}, {other.name}, not {bad.name}" in str(found.error)
+    (change,) = update(path)
+    assert not change.added
+    assert read_reference(path)[0].skipped == (bad.name, other.name)
+    assert isinstance(check(path, [str(out)])[0].error, RegressionError)
 
 
 def test_an_update_adds_cases_and_leaves_the_others_alone(reference, panoramas):
@@ -464,10 +575,10 @@ def test_an_update_adds_cases_and_leaves_the_others_alone(reference, panoramas):
 def test_archives_of_descriptors_are_guarded_too(panoramas, tmp_path):
     describe_archive(panoramas, tmp_path / "three.npz")
     path, archive = tmp_path / "archive.toml", str(tmp_path / "three.npz")
-    (change,) = update(path, [archive], selection=Selection(omnieval.configure(CONFIG)))
+    (change,) = update(path, [archive], selection=Selection(CONFIGURED))
     assert change.name == "three-map"
     assert not check(path)[0].failed
-    (change,) = update(path, [archive], selection=Selection(omnieval.configure(CONFIG), Cut(limit=40)))
+    (change,) = update(path, [archive], selection=Selection(CONFIGURED, Cut(limit=40)))
     assert change.name == "three-map-2"
     with pytest.raises(ConfigError, match="taken as it is"):
         update(path, [archive], selection=Selection(omnieval.configure(CONFIG, descriptor="gist")))
@@ -479,15 +590,19 @@ def test_sources_in_the_working_directory_are_written_relative(panoramas, tmp_pa
     monkeypatch.chdir(panoramas.parent)
     canonical = canonical_source(f"folder:{panoramas.name}")
     assert canonical == omnieval.load(f"folder:{panoramas.name}").source == canonical_source(panoramas.name)
-    assert portable_source(canonical) == f"folder:{panoramas.name}"
+    assert portable(canonical) == f"folder:{panoramas.name}"
+    assert portable(f"{panoramas.parent}/own.py:Own") == "own.py:Own"
+    assert portable(f"folder:{panoramas.parent}") == "folder:."
+    assert portable(f"folder:/other{panoramas.parent}/x") == f"folder:/other{panoramas.parent}/x"
+    assert portable(f"folder:{panoramas.parent}-2") == f"folder:{panoramas.parent}-2"
     monkeypatch.chdir(tmp_path)
-    assert portable_source(canonical) == canonical
+    assert portable(canonical) == canonical
     assert canonical_source("synthetic") == canonical_source("synthetic:cloudy") == "synthetic:cloudy"
 
 
 def test_junit_has_a_test_a_value_and_a_failure_a_failed_one(run, reference, tmp_path):
     rewritten(reference, nodes=NodeRange(value=50, min=49, max=51), name='a "name" <&> \x07')
-    gone_case = report.CaseReport("gone", fault="cannot be replayed: gone", code=3, seconds=1.5)
+    gone_case = report.CaseReport("gone", error=DatasetError("cannot be replayed: gone"), seconds=1.5)
     reports = (*check(reference, [str(run.folder)]), gone_case)
     write_junit(reports, tmp_path / "check.xml")
     root = ET.parse(tmp_path / "check.xml").getroot()

@@ -68,9 +68,9 @@ def _check(reference: Path, targets: list[str], selection: Selection | None, jun
     import polars as pl
 
     from omnieval.cli.console import print_json, print_table, progress
-    from omnieval.regression.check import check as check_cases
+    from omnieval.regression.case_report import as_object, explanations, failure, table_rows
+    from omnieval.regression.gate import check as check_cases
     from omnieval.regression.junit import write_junit
-    from omnieval.regression.report import as_object, explanations, failure, table_rows
 
     with progress("checking") as report_progress:
         reports = check_cases(reference, targets, selection=selection, progress=report_progress)
@@ -130,9 +130,8 @@ def _selection(
 ) -> Selection | None:
     """Return what the options select; None when none is given."""
     from omnieval.regression.cases import Selection
-    from omnieval.regression.reference import Cut
 
     if not (settings or files or preset or mapper or descriptor or skip_bad) and (start, stride, limit) == (0, 1, None):
         return None
-    cut = Cut(start=start, stride=stride, limit=limit)
-    return Selection(options.configuration(settings, files, preset, mapper, descriptor), cut, skip_bad)
+    chosen = options.configuration(settings, files, preset, mapper, descriptor)
+    return Selection(chosen, options.cut(start, stride, limit), skip_bad)

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from omnieval.config import Config, resolve
 from omnieval.datasets import load
 from omnieval.datasets.registry import split_source
 from omnieval.datasets.scan import canonical_path
 from omnieval.datasets.synthetic import LIGHTS
-from omnieval.errors import ResultError
+from omnieval.errors import ConfigError, DatasetError, OmnievalError
+from omnieval.imaging.settings import ImagingConfig
 from omnieval.loop import replay
-from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, archive_file, refuse_descriptor
-from omnieval.regression.reference import Case, Cut, Value, parameters_of
+from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, Cut, archive_file, refuse_descriptor
+from omnieval.regression.reference import Case, sayable
 from omnieval.results.manifest import MANIFEST
 from omnieval.results.run_folder import Run, open_run
 
 Progress = Callable[[int, int], None]
+_COMPONENTS = ("mapper", "descriptor")
 
 
 @dataclass(frozen=True)
@@ -42,62 +47,155 @@ class Job:
         As `canonical_source` returns it.
     cut
         Which of its frames.
-    skip_bad
-        Whether images that are not fit for use are left out.
+    skipped
+        Images that are left out because they are not fit for use; None if nobody asks for that.
     parameters
-        All else that it depends on, as `parameters_of` returns them.
+        What finds the components, and all parameters by name.
     """
 
     source: str
     cut: Cut
-    skip_bad: bool
-    parameters: dict[str, Value]
+    skipped: tuple[str, ...] | None
+    parameters: dict[str, Any]
+
+    @staticmethod
+    def of(source: str, selection: Selection, skipped: tuple[str, ...] | None) -> Job:
+        """Return what a source is replayed with."""
+        config = selection.config
+        if source.startswith(ARCHIVE_SCHEME):  # its descriptions are what they are
+            config = Config(config.mapper, ARCHIVE, ImagingConfig())
+        # Nothing finds an object again, whatever it calls itself.
+        found = {str(one.kind): one.spec or f"{one.name} (an object)" for one in (config.mapper, config.descriptor)}
+        return Job(source, selection.cut, skipped, {**found, **config.settings})
+
+    @staticmethod
+    def of_run(run: Run) -> Job:
+        """Return what a run replayed."""
+        manifest = run.manifest
+        return Job.of(manifest["source"], Selection(run.config, Cut(**manifest["cut"])), left_out(run))
+
+    @staticmethod
+    def of_case(case: Case) -> Job:
+        """Return what a case replays with the code at hand.
+
+        Raises
+        ------
+        ConfigError, DatasetError
+            If a component, a parameter or the source is unknown.
+        """
+        return Job.of(canonical_source(case.source), selection_of(case), case.skipped)
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """Its parameters as a reference holds them."""
+        return {
+            name: portable(value) if name in _COMPONENTS else value
+            for name, value in self.parameters.items()
+            if sayable(value)
+        }
+
+    @property
+    def deviations(self) -> dict[str, Any]:
+        """The parameters that differ from the defaults of the same components, as a reference holds them."""
+        archive = self.source.startswith(ARCHIVE_SCHEME)
+        chosen = {kind: self.parameters[kind] for kind in _COMPONENTS[: 1 if archive else 2]}
+        plain = resolve(**chosen).settings
+        return {
+            name: value
+            for name, value in self.recorded.items()
+            if name not in _COMPONENTS and (name not in plain or value != plain[name])
+        }
 
 
-def job_of_run(run: Run) -> Job:
-    """Return what a run replayed."""
-    cut = Cut.model_validate(run.manifest["cut"])
-    return _job(run.manifest["source"], cut, "skipped" in run.manifest, run.config)
+@dataclass(frozen=True)
+class Target:
+    """A run or a source that is held against a reference.
+
+    Attributes
+    ----------
+    run
+        The run; None for a source.
+    job
+        What it replayed, or what is to be replayed.
+    cases
+        The cases that it is held against.
+    """
+
+    run: Run | None
+    job: Job
+    cases: list[Case]
 
 
-def job_of_case(case: Case) -> Job:
-    """Return what a case replays with the code at hand.
+def target_of(target: str, selection: Selection | None, cases: Sequence[Case]) -> Target:
+    """Return what a run folder or source is held against: its one case, or without `selection` all of its source.
 
     Raises
     ------
-    ConfigError, DatasetError
-        If a component, a parameter or the source is unknown.
+    ConfigError
+        If a run is to be selected from, or the selection does not fit the source.
+    DatasetError, ResultError
+        If it is neither a run folder nor a source.
     """
-    return _job(canonical_source(case.source), case.cut, case.skipped is not None, case.config())
-
-
-def job_of_source(source: str, selection: Selection | None) -> Job:
-    """Return what a source is replayed with; `selection` None is the defaults."""
-    chosen = selection or Selection(resolve())
-    if archive_file(source) is not None:
-        refuse_descriptor(source, chosen.config)
-    return _job(canonical_source(source), chosen.cut, chosen.skip_bad, chosen.config)
-
-
-def _job(source: str, cut: Cut, skip_bad: bool, config: Config) -> Job:
-    parameters = parameters_of(config)
-    if source.startswith(ARCHIVE_SCHEME):  # its descriptions are what they are
-        own = f"{config.descriptor.name}."
-        parameters = {name: value for name, value in parameters.items() if not name.startswith((own, "imaging."))}
-        parameters["descriptor"] = ARCHIVE.name
-    return Job(source, cut, skip_bad, parameters)
-
-
-def run_at(target: str) -> Run | None:
-    """Return the run that `target` names, None if it names a source."""
     folder = Path(target)
-    return open_run(folder) if (folder / MANIFEST).is_file() else None
+    if (folder / MANIFEST).is_file():
+        refuse_selection(selection)
+        run = open_run(folder)
+        job = Job.of_run(run)
+        return Target(run, job, [case for case in cases if job_of(case) == job])
+    chosen = selection or Selection(resolve())
+    if archive_file(target) is not None:
+        refuse_descriptor(target, chosen.config)
+    source = canonical_source(target)
+    job = Job.of(source, chosen, () if chosen.skip_bad else None)
+    if selection is None:
+        return Target(None, job, [case for case in cases if source_of(case) == source])
+    # Which images are left out is known only when they are looked at.
+    jobs = ((case, found) for case in cases if (found := job_of(case)))
+    asked = [case for case, found in jobs if dataclasses.replace(found, skipped=found.skipped and ()) == job]
+    return Target(None, job, asked)
+
+
+def refuse_selection(selection: Selection | None) -> None:
+    """Refuse parameters that no source was given for."""
+    if selection is not None:
+        raise ConfigError("parameters and cuts select among the cases of a SOURCE; name one, or leave them out")
+
+
+def job_of(case: Case) -> Job | None:
+    """Return the job of a case, None where its source is not on this machine or its parameters are faulty."""
+    try:
+        return Job.of_case(case)
+    except OmnievalError:
+        return None
+
+
+def source_of(case: Case) -> str | None:
+    """Return the canonical source of a case, None where it is not on this machine."""
+    try:
+        return canonical_source(case.source)
+    except OmnievalError:
+        return None
+
+
+def selection_of(case: Case) -> Selection:
+    """Return what a case replays its source with.
+
+    Raises
+    ------
+    ConfigError
+        See `Case.config`.
+    """
+    return Selection(case.config(), case.cut, case.skipped is not None)
+
+
+def left_out(run: Run) -> tuple[str, ...] | None:
+    """Return the images that a run left out because they are not fit for use; None if nobody asked for that."""
+    skipped = run.manifest.get("skipped")
+    return None if skipped is None else tuple(bad["file"] for bad in skipped)
 
 
 @contextmanager
-def replayed(
-    source: str, cut: Cut, config: Config, *, skip_bad: bool = False, progress: Progress | None = None
-) -> Iterator[Run]:
+def replayed(source: str, selection: Selection, progress: Progress | None = None) -> Iterator[Run]:
     """Replay into a temporary folder, without a recording.
 
     Raises
@@ -108,31 +206,25 @@ def replayed(
     with tempfile.TemporaryDirectory(prefix="omnieval-check-") as temporary:
         yield replay(
             canonical_source(source),
-            config=config,
-            **cut.model_dump(),
-            skip_bad=skip_bad,
+            config=selection.config,
+            **dataclasses.asdict(selection.cut),
+            skip_bad=selection.skip_bad,
             out=Path(temporary) / "run",
             progress=progress,
         )
 
 
-def refuse_unrepeatable(run: Run) -> None:
-    """Refuse a run that no check could replay.
+def refuse_missing(source: str) -> None:
+    """Refuse a canonical source whose place does not exist.
 
     Raises
     ------
-    ResultError
-        One line that says why.
+    DatasetError
+        If it does not.
     """
-    archive = archive_file(run.manifest["source"])
-    if archive is not None and not archive.is_file():
-        raise ResultError(f"{run.folder} cannot be a case: its descriptors {archive} are gone")
-    components = [run.config.mapper, *([] if archive is not None else [run.config.descriptor])]
-    try:
-        for component in components:
-            component.again()
-    except ResultError as error:
-        raise ResultError(f"{run.folder} cannot be a case: {error}") from error
+    place = Path(source.partition(":")[2])
+    if place.is_absolute() and not place.exists():
+        raise DatasetError(f"there is no {place}; sources are relative to the working directory")
 
 
 def canonical_source(source: str) -> str:
@@ -152,30 +244,10 @@ def canonical_source(source: str) -> str:
     return f"{scheme}:{rest or LIGHTS[0]}" if scheme == "synthetic" else f"{scheme}:{canonical_path(rest)}"
 
 
-def portable_source(source: str) -> str:
-    """Return a canonical source with a path in the working directory made relative, for other people's checkouts."""
-    scheme, _, rest = source.partition(":")
-    path = Path(rest)
-    if not path.is_absolute() or not path.is_relative_to(Path.cwd()):
-        return source
-    return f"{scheme}:{path.relative_to(Path.cwd()).as_posix()}"
+def portable(name: str) -> str:
+    """Return a source or what names a component with a path in the working directory made relative.
 
-
-def portable_spec(spec: str) -> str:
-    """Return what names a component, with a path in the working directory made relative; see `portable_source`."""
-    where, _, name = spec.rpartition(":")
-    path = Path(where)
-    if not where.endswith(".py") or not path.is_relative_to(Path.cwd()):
-        return spec
-    return f"{path.relative_to(Path.cwd()).as_posix()}:{name}"
-
-
-def deviations(config: Config, *, archive: bool) -> dict[str, Value]:
-    """Return the parameters that differ from the defaults of the same components; an `archive` has no descriptor's."""
-    plain = resolve(mapper=config.mapper.spec, descriptor=None if archive else config.descriptor.spec)
-    defaults = parameters_of(plain)
-    return {
-        name: value
-        for name, value in parameters_of(config).items()
-        if name not in ("mapper", "descriptor") and value != defaults.get(name)
-    }
+    It is for other people's checkouts.
+    """
+    here = re.escape(str(Path.cwd()))
+    return re.sub(rf"(^|:){here}(/|$)", lambda found: found[1] + ("" if found[2] else "."), name)

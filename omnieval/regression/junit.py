@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from omnieval.regression.report import CaseReport, explanations, failure_line
+from omnieval.regression.case_report import CaseReport, explanations, failure_line
 from omnieval.results.atomic import replacing
 from omnieval.wording import shown
 
@@ -34,26 +34,20 @@ def _suite(report: CaseReport) -> ET.Element:
     """Return the suite of a case; what could not be replayed is an error, what is worse a failure."""
     name, seconds = shown(report.name), report.seconds or 0.0
     why = "\n".join(shown(line) for line in explanations(report))
-    tests = len(report.outcomes) + (report.fault is not None)
-    error = report.fault is not None and not report.worse
-    failures = sum(outcome.failed for outcome in report.outcomes) + (report.fault is not None and report.worse)
-    counts = {"tests": tests, "failures": failures, "errors": int(error)}
-    suite = ET.Element("testsuite", {"name": name, **{key: str(value) for key, value in counts.items()}})
+    kind = "failure" if report.worse else "error"
+    tests: list[tuple[str, str | None]] = [("replay", report.fault)] if report.fault is not None else []
+    tests += [(one.metric, failure_line(report.name, one) if one.failed else None) for one in report.outcomes]
+    suite = ET.Element("testsuite", name=name, tests=str(len(tests)))
+    for test, fault in tests:
+        each = _seconds(seconds / len(tests))
+        case = ET.SubElement(suite, "testcase", classname=name, name=test, time=each)
+        if fault is not None:
+            ET.SubElement(case, kind, message=shown(fault)).text = why
+    for each in ("failure", "error"):
+        suite.set(f"{each}s", str(len(suite.findall(f"testcase/{each}"))))
     suite.set("time", _seconds(seconds))
-    each = _seconds(seconds / tests if tests else 0.0)
-    if report.fault is not None:
-        test = ET.SubElement(suite, "testcase", classname=name, name="replay", time=each)
-        _add(test, "error" if error else "failure", report.fault, why)
-    for outcome in report.outcomes:
-        test = ET.SubElement(suite, "testcase", classname=name, name=outcome.metric, time=each)
-        if outcome.failed:
-            _add(test, "failure", failure_line(report.name, outcome), why)
     return suite
 
 
 def _seconds(value: float) -> str:
     return f"{value:.3f}"
-
-
-def _add(test: ET.Element, kind: str, message: str, why: str) -> None:
-    ET.SubElement(test, kind, message=shown(message)).text = why

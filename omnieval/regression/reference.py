@@ -31,30 +31,34 @@ What people write into it, comments and order included, survives an update.
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, StrictFloat, StrictInt, StrictStr, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Table
 
 from omnieval.config import Config, Setting, resolve
 from omnieval.errors import ConfigError, RegressionError
+from omnieval.material import Cut
 from omnieval.metrics.evaluation import METRICS
 from omnieval.results.atomic import replacing
 from omnieval.wording import did_you_mean
 
 SCHEMA_VERSION = 2
-_HEADER = "Written by `omnieval check --update`. Tolerances and comments may be edited: an update keeps them."
 _LOCKED = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+_NEW = f"""\
+# Written by `omnieval check --update`. Tolerances and comments may be edited: an update keeps them.
+
+schema_version = {SCHEMA_VERSION}
+"""
 _SECTIONS = ("parameters", "expected", "made", "versions")
 """Tables of a case that have a heading of their own."""
-
-Value = StrictStr | StrictInt | StrictFloat
 
 
 class Guard(BaseModel):
@@ -83,14 +87,10 @@ class NodeRange(BaseModel):
         return self
 
 
-class Cut(BaseModel):
-    """Which frames of the sequence are replayed; see `Sequence.cut`."""
-
-    model_config = _LOCKED
-
-    start: int = Field(0, ge=0)
-    stride: int = Field(1, ge=1)
-    limit: int | None = Field(None, ge=1)
+def _sound(cut: Cut) -> Cut:
+    if cut.start < 0 or cut.stride < 1 or (cut.limit is not None and cut.limit < 1):
+        raise ValueError("start is at least 0, stride and limit are at least 1")
+    return cut
 
 
 class Made(BaseModel):
@@ -104,7 +104,7 @@ class Made(BaseModel):
     descriptor_code: str = ""
     dataset_fingerprint: str
     versions: dict[str, str]
-    parameters: dict[str, Value]
+    parameters: dict[str, JsonValue]
 
 
 class Case(BaseModel):
@@ -138,12 +138,12 @@ class Case(BaseModel):
 
     name: str = Field(min_length=1)
     source: str
-    cut: Cut = Cut()
+    cut: Annotated[Cut, AfterValidator(_sound)] = Cut()
     skipped: tuple[str, ...] | None = None
     trace: str | None = None
     mapper: str | None = None
     descriptor: str | None = None
-    parameters: dict[str, Value] = Field(default_factory=dict)
+    parameters: dict[str, JsonValue] = Field(default_factory=dict)
     nodes: NodeRange
     guards: dict[str, Guard]
     made: Made | None = None
@@ -160,13 +160,13 @@ class Case(BaseModel):
         return resolve(settings, mapper=self.mapper, descriptor=self.descriptor)
 
 
-def read_reference(path: Path) -> tuple[Case, ...]:
+def read_reference(path: Path, *, may_be_empty: bool = False) -> tuple[Case, ...]:
     """Read the cases of a reference file.
 
     Raises
     ------
     RegressionError
-        If there is no such file, or it holds no case: what guards nothing must not pass.
+        If there is no such file, or it holds no case and must: what guards nothing must not pass.
     ConfigError
         If it is not a reference of this version.
     """
@@ -181,8 +181,8 @@ def read_reference(path: Path) -> tuple[Case, ...]:
             f"{path} has schema version {content.get('schema_version')}, this omnieval reads {SCHEMA_VERSION}; "
             "remove it and make it again with --update"
         )
-    found = content.get("case")
-    if not found:
+    found = content.get("case", [])
+    if not found and not may_be_empty:
         raise RegressionError(f"{path} has no [[case]], so it guards nothing; add one with --update")
     if not isinstance(found, list) or not all(isinstance(table, dict) for table in found):
         raise ConfigError(f"{path}: write every case as a [[case]] table")
@@ -199,88 +199,80 @@ def write_reference(cases: Sequence[Case], path: Path) -> None:
     Raises
     ------
     ConfigError
-        If the file that is there is no TOML.
+        If the file that is there is no reference.
     ResultError
         If it cannot be written.
     """
+    before = {case.name: _plain(case) for case in read_reference(path, may_be_empty=True)} if path.exists() else {}
     try:
-        document = tomlkit.parse(path.read_text("utf-8")) if path.exists() else _new_document()
-    except (OSError, ValueError, TOMLKitError) as error:
+        document = tomlkit.parse(path.read_text("utf-8") if path.exists() else _NEW)
+    except TOMLKitError as error:
         raise ConfigError(f"cannot read reference {path}: {error}") from error
-    tables = document.setdefault("case", tomlkit.aot())
-    assert isinstance(tables, AoT)
-    known = {str(table["name"]): table for table in tables}
+    tables = document.get("case", [])
+    if before and not isinstance(tables, AoT):
+        raise ConfigError(f"{path}: write every case as a [[case]] table")
+    places = {str(table["name"]): table for table in tables}
     for case in cases:
-        if case.name in known:
-            _renew(known[case.name], case)
-        else:
-            tables.append(_table(_plain(case)))
+        if case.name in places:
+            _renew(places[case.name], before[case.name], _plain(case))
+    added = [tomlkit.dumps({"case": AoT([_table(_plain(case))])}) for case in cases if case.name not in places]
+    parts = [tomlkit.dumps(document), *added]
     with replacing(path) as temporary:
-        temporary.write_text(tomlkit.dumps(document), "utf-8")
+        temporary.write_text("\n".join(part.rstrip("\n") + "\n" for part in parts), "utf-8")
 
 
-def parameters_of(config: Config) -> dict[str, Value]:
-    """Return what a replay depends on besides its images: components, and parameters that have a value, by name.
-
-    A component is called by what finds it again, or by its name if nothing does.
-    """
-    chosen = {kind: component.spec or component.name for kind, component in _components(config).items()}
-    return {**chosen, **{name: value for name, value in config.settings.items() if value is not None}}
-
-
-def _components(config: Config) -> dict[str, Any]:
-    return {"mapper": config.mapper, "descriptor": config.descriptor}
-
-
-def _new_document() -> tomlkit.TOMLDocument:
-    document = tomlkit.document()
-    document.add(tomlkit.comment(_HEADER))
-    document.add(tomlkit.nl())
-    document.add("schema_version", tomlkit.item(SCHEMA_VERSION))
-    document.add(tomlkit.nl())
-    return document
+def sayable(value: Any) -> bool:
+    """Whether TOML has words for a plain value: it has none for None."""
+    inside = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
+    return value is not None and all(map(sayable, inside))
 
 
 def _plain(case: Case) -> dict[str, Any]:
     """Return a case as it stands in the file."""
-    plain = case.model_dump(exclude_none=True, exclude={"nodes", "guards"})
+    plain = case.model_dump(exclude_none=True, exclude={"nodes", "guards", "made"})
+    plain["cut"] = {name: value for name, value in dataclasses.asdict(case.cut).items() if value is not None}
+    if case.skipped is not None:
+        plain["skipped"] = list(case.skipped)
     if case.trace is not None:
         plain["trace"] = PurePosixPath(case.trace).as_posix()
     guards = {name: guard.model_dump(exclude_defaults=True) for name, guard in case.guards.items()}
-    made = plain.pop("made", None)
     plain["expected"] = {"nodes": case.nodes.model_dump(), **guards}
-    return plain if made is None else {**plain, "made": made}
+    return plain | ({} if case.made is None else {"made": case.made.model_dump()})
 
 
 def _table(content: Mapping[str, Any]) -> Table:
-    """Return a table: short tables within it in one line, the sections of a case as tables of their own."""
+    """Return a table: the sections of a case as tables of their own, all other tables in one line."""
     table = tomlkit.table()
     for name, value in content.items():
-        if name in _SECTIONS:
-            table.add(name, _table(value))
-        elif isinstance(value, Mapping):
-            inside = ", ".join(f"{key} = {tomlkit.item(one).as_string()}" for key, one in value.items())
-            table.add(name, tomlkit.value(f"{{ {inside} }}"))
-        else:
-            table.add(name, list(value) if isinstance(value, tuple) else value)
+        table.add(name, _item(name, value))
     return table
 
 
-def _renew(table: Any, case: Case) -> None:
-    """Bring a table up to a case, key by key, so that comments and order stay."""
-    _update(table, _table(_plain(case)), drop=False)
-    _update(table["expected"], _table(_plain(case))["expected"], drop=True)
+def _item(name: str, value: Any) -> Any:
+    return _table(value) if name in _SECTIONS and isinstance(value, Mapping) else tomlkit.value(_in_one_line(value))
 
 
-def _update(old: Any, new: Any, *, drop: bool) -> None:
-    for name, value in new.items():
-        if isinstance(value, Mapping) and isinstance(old.get(name), Mapping):
-            _update(old[name], value, drop=False)
-        elif old.get(name) != value:
-            old[name] = value
-    if drop:
-        for name in [name for name in old if name not in new]:
-            del old[name]
+def _in_one_line(value: Any) -> str:
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{tomlkit.key(key).as_string()} = {_in_one_line(one)}" for key, one in value.items())
+        return f"{{ {inside} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_in_one_line, value))}]"
+    text: str = tomlkit.item(value).as_string()
+    return text
+
+
+def _renew(table: Any, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+    """Change in a table only what is not as it was, so that all else in it stays as people wrote it."""
+    for name in before:
+        if name not in after:
+            del table[name]
+    for name, value in after.items():
+        known = before.get(name)
+        if isinstance(value, Mapping) and isinstance(known, Mapping) and name in table:
+            _renew(table[name], known, value)
+        elif known != value:
+            table[name] = _item(name, value)
 
 
 def _case(table: dict[str, Any], path: Path) -> Case:

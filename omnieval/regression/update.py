@@ -10,23 +10,22 @@ from pathlib import Path
 import polars as pl
 
 from omnieval.config import resolve
-from omnieval.errors import ResultError
-from omnieval.material import ARCHIVE_SCHEME
+from omnieval.errors import OmnievalError, ResultError
+from omnieval.material import ARCHIVE, reopened
 from omnieval.regression.cases import (
+    Job,
     Progress,
     Selection,
-    deviations,
-    job_of_run,
-    job_of_source,
-    portable_source,
-    portable_spec,
-    refuse_unrepeatable,
+    left_out,
+    portable,
+    refuse_selection,
     replayed,
-    run_at,
+    selection_of,
+    target_of,
 )
-from omnieval.regression.check import matching, of_source, refuse_selection
 from omnieval.regression.reference import Case, Guard, Made, NodeRange, read_reference, write_reference
 from omnieval.regression.trace import DECISION, Parting, first_parting, read_trace, write_trace
+from omnieval.results.compare import differing
 from omnieval.results.run_folder import Run
 from omnieval.wording import safe_name
 
@@ -92,7 +91,7 @@ def update(
 
     Targets and selection are those of `check`; a source that has no case gets one, with `selection` or the defaults.
     Of a case that is there already, name, parameters, guarded metrics and tolerances stay. Nothing is written unless
-    all replays succeed.
+    all replays succeed, and can be made again from what is written.
 
     Raises
     ------
@@ -101,7 +100,8 @@ def update(
     ConfigError, DatasetError, ResultError
         If something cannot be replayed, or a run is not complete, or a file cannot be written.
     """
-    cases = list(read_reference(reference) if reference.exists() or not targets else ())
+    there = reference.exists() or not targets
+    cases = list(read_reference(reference, may_be_empty=bool(targets)) if there else ())
     renewals = []
     if not targets:
         refuse_selection(selection)
@@ -135,69 +135,81 @@ def change_lines(change: Change) -> Iterator[str]:
 
 
 def _of_target(
-    target: str, cases: Sequence[Case], reference: Path, selection: Selection | None, progress: Progress | None
+    name: str, cases: Sequence[Case], reference: Path, selection: Selection | None, progress: Progress | None
 ) -> list[_Renewed]:
-    run = run_at(target)
-    if run is not None:
-        refuse_selection(selection)
-        found = matching(job_of_run(run), cases)
-        return [_renew(case, run, cases, reference) for case in found] or [_renew(None, run, cases, reference)]
-    job = job_of_source(target, selection)
-    found = matching(job, cases) if selection else of_source(target, cases)
-    if found:
-        return [_replay(case, cases, reference, progress) for case in found]
-    chosen = selection or Selection(resolve())
-    with replayed(job.source, chosen.cut, chosen.config, skip_bad=chosen.skip_bad, progress=progress) as fresh:
-        return [_renew(None, fresh, cases, reference)]
+    target = target_of(name, selection, cases)
+    if target.run is not None:
+        _refuse_changed(target.run)
+        found = target.cases or (None,)
+        return [_renew(case, target.run, cases, reference) for case in found]
+    if target.cases:
+        return [_replay(case, cases, reference, progress) for case in target.cases]
+    with replayed(target.job.source, selection or Selection(resolve()), progress) as run:
+        return [_renew(None, run, cases, reference)]
 
 
 def _replay(case: Case, cases: Sequence[Case], reference: Path, progress: Progress | None) -> _Renewed:
-    skip_bad = case.skipped is not None
-    with replayed(case.source, case.cut, case.config(), skip_bad=skip_bad, progress=progress) as run:
+    with replayed(case.source, selection_of(case), progress) as run:
         return _renew(case, run, cases, reference)
 
 
-def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -> _Renewed:
+def _refuse_changed(run: Run) -> None:
+    """Refuse a run folder that is not complete, or whose images, descriptor or descriptions are not there any more."""
     if run.status != "complete":
         raise ResultError(f"{run.folder} is {run.status}: there is nothing to expect of it; replay it again")
-    refuse_unrepeatable(run)
+    try:
+        with reopened(run) as material:
+            for _ in material.described:  # held against the run until the last
+                pass
+    except OmnievalError as error:
+        raise type(error)(f"{run.folder} cannot be a case: {error}") from error
+
+
+def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -> _Renewed:
     name = old.name if old else _free_name(run, {case.name for case in cases})
-    job, config = job_of_run(run), run.config
-    skipped = run.manifest.get("skipped")
-    specs = {
-        kind: portable_spec(spec)
-        for kind in ("mapper", "descriptor")
-        if (spec := getattr(config, kind).spec) is not None
-    }
-    made = Made(
-        date=run.manifest["finished"],
-        code=run.manifest["code"],
-        mapper_code=config.mapper.code,
-        descriptor_code=config.descriptor.code,
-        dataset_fingerprint=run.manifest["dataset_fingerprint"],
-        versions=run.manifest["versions"],
-        parameters=job.parameters | specs,
-    )
-    archive = job.source.startswith(ARCHIVE_SCHEME)
-    new = Case(
-        name=name,
-        source=old.source if old else portable_source(job.source),
-        cut=job.cut,
-        skipped=None if skipped is None else tuple(bad["file"] for bad in skipped),
-        trace=(old and old.trace) or f"{reference.stem}/{safe_name(name)}.parquet",
-        mapper=old.mapper if old else None if config.mapper.is_default else specs["mapper"],
-        descriptor=old.descriptor if old else None if archive else specs["descriptor"],
-        parameters=old.parameters if old else deviations(config, archive=archive),
-        nodes=_node_range(old, run),
-        guards=_guards(old, run),
-        made=made,
-    )
+    job, config = Job.of_run(run), run.config
+    try:
+        for component in (config.mapper, config.descriptor):
+            if component != ARCHIVE:
+                component.again()
+        new = old or Case(
+            name=name,
+            source=portable(job.source),
+            cut=job.cut,
+            mapper=None if config.mapper.is_default else portable(config.mapper.spec or ""),
+            descriptor=None if config.descriptor.spec is None else portable(config.descriptor.spec),
+            parameters=job.deviations,
+            nodes=NodeRange(value=1, min=1, max=1),
+            guards={},
+        )
+        made = Made(
+            date=run.manifest["finished"],
+            code=run.manifest["code"],
+            mapper_code=config.mapper.code,
+            descriptor_code=config.descriptor.code,
+            dataset_fingerprint=run.manifest["dataset_fingerprint"],
+            versions=run.manifest["versions"],
+            parameters=job.recorded,
+        )
+        renewed = {
+            "skipped": left_out(run),
+            "trace": new.trace or f"{reference.stem}/{safe_name(name)}.parquet",
+            "nodes": _node_range(old, run),
+            "guards": _guards(old, run),
+            "made": made,
+        }
+        new = new.model_copy(update=renewed)
+        if faults := differing(job.parameters, Job.of_case(new).parameters):
+            said = ", ".join(f"{parameter} {one}" for parameter, (one, _) in faults.items())
+            raise ResultError(f"a reference has no words for {said}")
+    except OmnievalError as error:
+        raise type(error)(f"{name} cannot be a case: {error}") from error
     return _Renewed(old, new, run.steps.select("file", *DECISION))
 
 
 def _free_name(run: Run, taken: set[str]) -> str:
     config = run.config
-    described = "map" if run.manifest["source"].startswith(ARCHIVE_SCHEME) else config.descriptor.name
+    described = "map" if config.descriptor == ARCHIVE else config.descriptor.name
     mapper = "" if config.mapper.is_default else f"-{config.mapper.name}"
     base = f"{run.manifest['sequence']}-{described}{mapper}"
     number, name = 1, base

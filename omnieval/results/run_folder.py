@@ -85,7 +85,8 @@ class Run:
         try:
             return Config.of_run(self.manifest)
         except (LookupError, TypeError, ValueError) as error:
-            raise ResultError(f"{self.folder}/run.json is damaged: it does not say what was run; run it again") from error
+            damaged = f"{self.folder}/run.json is damaged: it does not say what was run; run it again"
+            raise ResultError(damaged) from error
 
     @property
     def method(self) -> Method:

@@ -11,11 +11,10 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from omnieval.components import resolve_component
 from omnieval.config import resolve
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.describe import Describer
-from omnieval.descriptors.gist import Gist
-from omnieval.descriptors.hog import Hog
 from omnieval.imaging.camera import resolve_camera
 from omnieval.imaging.decode import decode_grey
 from tests.benchmarks.figures import Figure, seconds_of
@@ -43,8 +42,8 @@ def measure() -> list[Figure]:
         "gist": (THREADS / seconds_of(lambda: _transforms(panorama), 9), "its FFTs on as many threads"),
     }
     figures = []
-    for descriptor, plain, target in ((Hog(), plain_hog, ">= 400"), (Gist(), plain_gist, ">= 60")):
-        speeds = []
+    for name, plain, target in (("hog", plain_hog, ">= 400"), ("gist", plain_gist, ">= 60")):
+        descriptor, speeds = resolve_component("descriptor", name), []
         for _ in range(3):
             with tempfile.TemporaryDirectory() as folder, DescriptorCache(Path(folder)) as cold:
                 started = time.perf_counter()
@@ -53,10 +52,10 @@ def measure() -> list[Figure]:
                 speeds.append(FRAMES / (time.perf_counter() - started))
         started = time.perf_counter()
         plain(panorama)
-        bound, bounded_by = bounds[descriptor.name]
+        bound, bounded_by = bounds[name]
         figures.append(
             Figure(
-                f"describe, {descriptor.name}, cold",
+                f"describe, {name}, cold",
                 "frames/s",
                 float(np.median(speeds)),
                 plain=1 / (time.perf_counter() - started),

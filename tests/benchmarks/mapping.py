@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from omnieval.mapping.config import MapperConfig
-from omnieval.mapping.mapper import Mapper
 
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import DescriptionStore
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
+from omnieval.mapping.roman2020.mapper import Roman2020
+from omnieval.mapping.roman2020.settings import Roman2020Settings
 from omnieval.mapping.sweep import Interval, Points, Sweep
 from tests.benchmarks.figures import Figure, seconds_of
 from tests.benchmarks.sequences import described, walk
@@ -63,7 +63,7 @@ def _distances(images: Sequence[Description]) -> list[Figure]:
 
 def _steps(images: Sequence[Description]) -> list[Figure]:
     memory = ImageMemory(threads=os.cpu_count() or 1)
-    mapper = Mapper(images=memory)
+    mapper = Roman2020(images=memory)
     times, candidates = [], []
     for block in blocks(images, AHEAD):
         memory.expect(block)
@@ -73,8 +73,8 @@ def _steps(images: Sequence[Description]) -> list[Figure]:
             started = time.perf_counter()
             step = mapper.decide(frame)
             times.append(1e3 * (time.perf_counter() - started))
-            candidates.append(len(step.match.frames) if step.match else 0)
-    reference = ReferenceMapper(MapperConfig())
+            candidates.append(len(step.curves.frames) if step.curves else 0)
+    reference = ReferenceMapper(Roman2020Settings())
     coarse = [_coarse(image) for image in images[:400]]
     plain = []
     for image in coarse:
@@ -98,10 +98,10 @@ def _steps(images: Sequence[Description]) -> list[Figure]:
 
 def _sweeps() -> list[Figure]:
     images = described()
-    grid = [MapperConfig(omega=omega, merge_y=y) for omega, y in itertools.product(OMEGA, MERGE_Y)]
+    grid = [Roman2020Settings(omega=omega, merge_y=y) for omega, y in itertools.product(OMEGA, MERGE_Y)]
 
     def one() -> None:
-        mapper = Mapper(grid[0])
+        mapper = Roman2020(grid[0])
         for block in blocks(images, AHEAD):
             mapper.expect(block)
             for image in block:
@@ -109,13 +109,13 @@ def _sweeps() -> list[Figure]:
         mapper.finish()
 
     def all_at_once() -> None:
-        sweep = Sweep([Points(tuple(grid))])
+        sweep = Sweep(Roman2020, [Points(tuple(grid))])
         for _ in sweep.steps(images):
             pass
         sweep.finish()
 
     def exactly() -> None:
-        sweep = Sweep([Interval(MapperConfig(), "merge_y", 0.5, 3.0)])
+        sweep = Sweep(Roman2020, [Interval(Roman2020Settings(), "merge_y", 0.5, 3.0)])
         for _ in sweep.steps(images):
             pass
         sweep.finish()
@@ -132,8 +132,8 @@ def _sweeps() -> list[Figure]:
 def _agreement() -> list[Figure]:
     """Hold the mapper against the oracle; a difference ends the benchmark."""
     images = [_coarse(image) for image in described()]
-    assert_agreement(MapperConfig(), images)
-    assert_agreement(MapperConfig(omega=1.7, merge_y=0.75), images)
+    assert_agreement(Roman2020Settings(), images)
+    assert_agreement(Roman2020Settings(omega=1.7, merge_y=0.75), images)
     return [Figure("steps equal to the oracle's", "steps", float(2 * len(images)), target="all")]
 
 

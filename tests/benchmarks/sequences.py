@@ -8,11 +8,10 @@ from itertools import islice
 
 import numpy as np
 
-from omnieval.config import resolve
+from omnieval.config import configure
 from omnieval.datasets import Sequence, load
-from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.description import Description
-from omnieval.material import image_material
+from omnieval.material import opened
 
 NOISE = 0.05
 """Standard deviation of what is added to every component, relative to its own."""
@@ -27,9 +26,7 @@ def building() -> Sequence:
 @cache
 def described() -> tuple[Description, ...]:
     """Return its HOG descriptions."""
-    config = resolve()
-    with DescriptorCache() as known:
-        material = image_material(building(), config, config.make_descriptor(), known)
+    with opened(building(), configure()) as material:
         return tuple(one.description for one in material.described)
 
 

@@ -73,6 +73,7 @@ def test_a_change_of_a_parameter_fails_and_names_the_step(cwd):
     [
         (r"folder:\S+\"", 'folder:gone"', 3, "no such folder"),
         (r"descriptor = \"hog\"", 'descriptor = "pig"', 2, "unknown descriptor"),
+        (r"gamma = 1\.0", "gamma = true", 2, "gamma: expected a number, got true"),
     ],
 )
 def test_what_cannot_be_replayed_is_no_regression(cwd, old, new, code, word):

@@ -11,25 +11,25 @@ from hypothesis import strategies as st
 from omnieval.datasets import Frame, Sequence
 from omnieval.datasets.cachedir import cache_dir
 from omnieval.errors import DatasetError
+from omnieval.material import Cut
 
 WHOLE = Sequence("s", "folder:/s", Path("/s"), tuple(Frame(Path(f"/s/{i}"), str(i)) for i in range(40)))
-CUTS = st.fixed_dictionaries(
-    {"start": st.integers(-12, 12), "stride": st.integers(1, 4), "limit": st.none() | st.integers(1, 50)}
-)
+CUTS = st.builds(Cut, st.integers(-12, 12), st.integers(1, 4), st.none() | st.integers(1, 50))
 
 
 @given(cuts=st.lists(CUTS, max_size=4))
 def test_cuts_compose(cuts):
     part, expected = WHOLE, WHOLE.frames
     for cut in cuts:
-        expected = expected[cut["start"] :: cut["stride"]][: cut["limit"]]
+        expected = expected[cut.start :: cut.stride][: cut.limit]
         if not expected:
             with pytest.raises(DatasetError, match="leave none"):
-                part.cut(**cut)
+                part.cut(start=cut.start, stride=cut.stride, limit=cut.limit)
             return
-        part = part.cut(**cut)
+        part = part.cut(start=cut.start, stride=cut.stride, limit=cut.limit)
     assert part.frames == expected
-    assert WHOLE.cut(**dict(zip(("start", "stride", "limit"), part.cut_from, strict=True))).frames == expected
+    start, stride, limit = part.cut_from
+    assert WHOLE.cut(start=start, stride=stride, limit=limit).frames == expected
 
 
 def test_a_cut_of_a_cut_says_what_was_cut_from_the_whole():

@@ -13,7 +13,7 @@ import omnieval
 from omnieval.datasets.check import check
 from omnieval.datasets.synthetic.building import ROOMS
 from omnieval.loop import replay
-from omnieval.regression.cases import replayed
+from omnieval.regression.cases import replayed, selection_of
 from omnieval.regression.reference import read_reference
 from omnieval.regression.trace import first_parting, read_trace, write_trace
 
@@ -41,7 +41,7 @@ def test_the_building_is_decided_as_ever():
     (case,) = (case for case in read_reference(REFERENCE) if case.name == CASE)
     assert case.trace is not None
     trace = read_trace(REFERENCE.parent / case.trace)
-    with replayed(case.source, case.cut, case.config()) as run:
+    with replayed(case.source, selection_of(case)) as run:
         assert len(trace) == len(run.steps)
         unchanged(trace, run.steps)
 

@@ -15,7 +15,7 @@ from tests.report.charts import figure_of, rows_of
 
 def sweep_over(axes, rows):
     """A sweep of made-up rows."""
-    columns = {"dataset": "d", "source": "s", "descriptor": "hog", "error": None}
+    columns = {"dataset": "d", "source": "s", "mapper": "roman2020", "descriptor": "hog", "error": None}
     table = pl.DataFrame([columns | {"job": job} | row for job, row in enumerate(rows)], infer_schema_length=None)
     return Sweep(Path("sweep"), "complete", table, axes, {}, (), {})
 

@@ -6,21 +6,20 @@ import numpy as np
 import polars as pl
 import pytest
 
-from omnieval.descriptors.cache import DescriptorCache
+import omnieval
 from omnieval.errors import DatasetError, ResultError
 from omnieval.mapping.roman2020.conditions import gate_threshold
-from omnieval.mapping.step import Match
+from omnieval.mapping.step import Curves
 from omnieval.metrics.silhouette import silhouettes
 from omnieval.palette import node_color, node_shape
 from omnieval.report.batch import SPECTRAL, batch_at, batch_figure, computed, recorded
 from omnieval.report.curves import curve_rows, curves_figure, node_borders
 from omnieval.report.evidence import (
     batch_curve,
-    descriptions,
-    loop_closures,
     moments,
+    position_descriptors,
     positions_of,
-    similarity_curve,
+    step_again,
     telling_step,
 )
 from omnieval.report.figure import Skipped
@@ -39,15 +38,25 @@ def replay(run):
 
 @pytest.fixture(scope="session")
 def described(replay):
-    with DescriptorCache() as cache:
-        return list(descriptions(replay, cache))
+    return position_descriptors(replay)
 
 
 @pytest.fixture(scope="session")
-def telling(replay, described):
-    step = telling_step(replay.steps)
-    assert step is not None
-    return step, *similarity_curve(replay, described, step)
+def telling(replay):
+    frame = telling_step(replay)
+    assert frame is not None
+    return step_again(replay, frame)
+
+
+def passing(row):
+    """The nodes that a row of the steps let in."""
+    (asked,) = (one for one in row["comparisons"] if one["gate"] == "node")
+    return [node for node, value in zip(asked["of"], asked["values"], strict=True) if value <= asked["threshold"]]
+
+
+def skipped(drawn):
+    """What a drawn replay left out: title and reason."""
+    return {block.title: block.reason for block in drawn.blocks if isinstance(block, Skipped)}
 
 
 def test_the_map_shows_every_image_in_the_colour_of_its_node(replay):
@@ -84,7 +93,7 @@ def test_an_interrupted_replay_has_no_final_map(run, tmp_path):
 
 
 def test_labels_are_replayed_to_what_the_end_says(replay):
-    last = list(moments(replay.steps))[-1]
+    last = list(moments(replay))[-1]
     placed = replay.steps["placement"].is_in(["loop-closure", "founding", "pending"]).to_numpy()
     assert (last.labels[placed] == replay.steps["node_final"].fill_null(0).to_numpy()[placed]).all()
     assert (last.labels[~placed] == 0).all()
@@ -93,7 +102,7 @@ def test_labels_are_replayed_to_what_the_end_says(replay):
 def test_nodes_and_silhouette_go_on_as_the_map_grows(replay):
     figure = progress_figure(replay)
     last = figure.data.row(-1, named=True)
-    labels = list(moments(replay.steps))[-1].labels
+    labels = list(moments(replay))[-1].labels
     placed = labels > 0
     assert last["nodes"] == len(np.unique(labels[placed]))
     assert last["silhouette"] == silhouettes(positions_of(replay.steps)[placed], labels[placed]).silhouette
@@ -101,50 +110,52 @@ def test_nodes_and_silhouette_go_on_as_the_map_grows(replay):
 
 
 def test_the_telling_step_is_the_loop_closure_with_the_most_candidate_images(replay, telling):
-    step, match, _ = telling
-    counted = loop_closures(replay.steps)
-    closed = replay.steps.filter(pl.col("verdict") == "assigned")["frame"].to_list()
-    assert step in closed
-    assert counted[step] == len(match.frames) == max(counted[frame] for frame in closed)
+    step, labels = telling
+    before = {moment.frame + 1: moment.labels for moment in moments(replay)}
+    closed = replay.steps.filter(pl.col("verdict") == "assigned")
+    images = {
+        row["frame"]: int(np.isin(before[row["frame"]], passing(row)).sum()) for row in closed.iter_rows(named=True)
+    }
+    assert images[step.frame] == max(images.values())
+    assert step.frame == min(frame for frame, count in images.items() if count == max(images.values()))
+    assert len(step.curves.frames) == images[step.frame]
+    assert (labels == before[step.frame]).all()
 
 
 def test_the_curves_are_those_the_mapper_saw(replay, telling):
-    step, match, labels = telling
-    row = replay.steps.row(step, named=True)
-    assert match.best_frame == row["best_frame"]
-    assert match.similarity[match.best] == row["similarity"]
-    assert match.prominence == row["prominence"]
-    figure = curves_figure(replay, step, match, labels, chosen=False)
+    step, labels = telling
+    row = replay.steps.row(step.frame, named=True)
+    curves = step.curves
+    assert curves.frames[curves.best] == step.match.frame == row["best_frame"]
+    assert curves.values["similarity"][curves.best] == row["similarity"]
+    figure = curves_figure(replay, step, labels, chosen=False)
     data = figure.data
     assert data.filter("best")["image"].to_list() == [row["best_frame"]]
     assert data["peak"].sum() == row["peaks"]
-    assert data.filter(pl.col("product") > 0)["node"].unique().sort().to_list() == sorted(row["candidates"])
+    assert data.filter(pl.col("similarity") > 0)["node"].unique().sort().to_list() == sorted(passing(row))
     drawn = sorted(value["value"] for value in rows_of(figure) if "value" in value)
-    assert drawn == sorted([*data["position"], *data["orientation"], *data["product"]])
+    assert drawn == sorted([*data["position"], *data["orientation"], *data["similarity"]])
     assert "most candidate images" in figure.caption
-    assert "most candidate images" not in curves_figure(replay, step, match, labels, chosen=True).caption
+    assert "most candidate images" not in curves_figure(replay, step, labels, chosen=True).caption
 
 
 def test_a_curve_by_hand():
     # Nodes 2 (images 0, 1), 1 (image 2) and 4 (images 3, 4); candidates are nodes 2 and 4.
     labels = np.array([2, 2, 1, 4, 4])
-    match = Match(
+    curves = Curves(
         frames=np.array([0, 1, 3, 4]),
         slots=np.array([1, 2, 3, 4]),
-        map_size=5,
-        position=np.array([0.1, 0.4, 0.2, 0.3]),
-        orientation=np.array([0.1, 0.3, 0.2, 0.4]),
-        similarity=np.array([0.01, 0.12, 0.04, 0.1]),
-        shifts=np.zeros(4, np.int64),
+        size=5,
+        values={
+            "similarity": np.array([0.01, 0.12, 0.04, 0.1]),
+            "position": np.array([0.1, 0.4, 0.2, 0.3]),
+            "orientation": np.array([0.1, 0.3, 0.2, 0.4]),
+        },
         best=1,
-        node=2,
-        prominence=0.12,
-        prominence_mean=0.09,
-        peaks=2,
     )
-    rows = curve_rows(match, labels)
+    rows = curve_rows(curves, labels)
     assert rows["image"].to_list() == [2, 0, 1, 3, 4]
-    assert rows["product"].to_list() == [0.0, 0.01, 0.12, 0.04, 0.1]
+    assert rows["similarity"].to_list() == [0.0, 0.01, 0.12, 0.04, 0.1]
     assert rows["peak"].to_list() == [False, False, True, False, True]
     assert rows["best"].to_list() == [False, False, True, False, False]
     assert [(one["node"], one["start"], one["end"]) for one in node_borders(labels)] == [
@@ -154,19 +165,19 @@ def test_a_curve_by_hand():
     ]
 
 
-def test_a_step_without_a_curve_is_refused(replay, described):
-    with pytest.raises(ResultError, match="no node was a candidate"):
-        similarity_curve(replay, described, 0)
+def test_a_step_without_a_curve_is_refused(replay):
+    with pytest.raises(ResultError, match="no node let it in"):
+        step_again(replay, 0)
     with pytest.raises(ResultError, match="ends at step 79, it has no step 80"):
-        similarity_curve(replay, described, 80)
+        step_again(replay, 80)
 
 
 def test_the_gate_shows_each_number_of_nodes_the_replay_met(replay):
     figure = figure_of(gate_figure(replay))
-    asked = replay.steps.drop_nulls("gate_nodes")
-    assert figure.data["steps"].sum() == len(asked)
-    for nodes, x, _ in visited_gates(replay.steps).iter_rows():
-        assert x == gate_threshold(replay.config.mapper.omega, nodes)
+    asked = [row for row in replay.steps["comparisons"].to_list() if any(one["gate"] == "node" for one in row)]
+    assert figure.data["steps"].sum() == len(asked) > 0
+    for nodes, x, _ in visited_gates(replay).iter_rows():
+        assert x == gate_threshold(replay.config.settings["omega"], nodes)
         assert {"nodes": nodes, "x": x} in rows_of(figure)
     assert isinstance(gate_figure(replace(replay, steps=replay.steps.head(5))), Skipped)
 
@@ -185,12 +196,11 @@ def test_times_are_drawn_as_recorded(replay):
 
 
 def test_batch_silhouettes_are_those_of_a_baseline(replay, described, baseline):
-    positions = np.stack([one.position for one in described])
-    curve = batch_curve(positions, positions_of(replay.steps), range(2, 9), seed=replay.config.mapper.seed)
+    curve = batch_curve(described, positions_of(replay.steps), range(2, 9), seed=replay.config.seed)
     table = open_sources([baseline]).baselines[0].table
     assert curve["silhouette"].to_list() == table["silhouette"].to_list()
     assert curve["time_slices"].to_list() == pytest.approx(table["silhouette_time_slices"].to_list())
-    assert batch_curve(positions[:1], np.zeros((1, 2)), [1, 2], seed=0).is_empty()
+    assert batch_curve(described[:1], np.zeros((1, 2)), [1, 2], seed=0).is_empty()
 
 
 def test_the_incremental_run_is_marked_at_its_nodes(replay, baseline):
@@ -204,8 +214,7 @@ def test_the_incremental_run_is_marked_at_its_nodes(replay, baseline):
 
 
 def test_methods_are_told_apart_by_their_dashes_too(replay, described):
-    positions = np.stack([one.position for one in described])
-    curves = computed(batch_curve(positions, positions_of(replay.steps), [2, 3], seed=0))
+    curves = computed(batch_curve(described, positions_of(replay.steps), [2, 3], seed=0))
     encoding = batch_figure(curves, [], "x").chart.to_dict()["layer"][0]["encoding"]
     dashes = encoding["strokeDash"]["scale"]["range"]
     assert encoding["strokeDash"]["field"] == "method"
@@ -215,50 +224,83 @@ def test_methods_are_told_apart_by_their_dashes_too(replay, described):
 
 def test_a_replay_without_poses_says_what_is_missing(unposed):
     (replay,) = open_sources([unposed]).replays
-    with DescriptorCache() as cache:
-        drawn = draw_replay(replay, [], cache, step=None, figures=True)
-    missing = {block.title: block.reason for block in drawn.blocks if isinstance(block, Skipped)}
+    drawn = draw_replay(replay, [], step=None, figures=True)
+    missing = skipped(drawn)
     assert set(missing) == {"The map at ten moments", "Batch clustering over the number of clusters"}
     assert all("no poses" in reason for reason in missing.values())
     assert drawn.batch is None
 
 
 @pytest.fixture
-def orphan(panoramas, tmp_path):
-    """A replay whose images are gone."""
+def copied(panoramas, tmp_path):
+    """A folder of images that may be touched, and a replay of it."""
     images = tmp_path / "images"
     images.mkdir()
     for file in panoramas.iterdir():
         (images / file.name).write_bytes(file.read_bytes())
-    folder = replay_of(images, tmp_path / "orphan").folder
+    return images, open_sources([replay_of(images, tmp_path / "run").folder]).replays[0]
+
+
+def test_a_replay_whose_images_are_gone_is_drawn_from_its_tables(copied):
+    images, replay = copied
     for file in images.iterdir():
         file.unlink()
     images.rmdir()
-    return open_sources([folder]).replays[0]
-
-
-def test_a_replay_whose_images_are_gone_is_drawn_from_its_tables(orphan):
-    with DescriptorCache() as cache:
-        with pytest.raises(DatasetError):
-            list(descriptions(orphan, cache))
-        drawn = draw_replay(orphan, [], cache, step=None, figures=True)
-    missing = [block for block in drawn.blocks if isinstance(block, Skipped)]
+    with pytest.raises(DatasetError):
+        position_descriptors(replay)
+    drawn = draw_replay(replay, [], step=None, figures=True)
+    missing = skipped(drawn)
     assert len(missing) == 2
-    assert all("cannot be described again" in one.reason for one in missing)
-    assert "omnieval baseline" in missing[0].reason
+    assert all("cannot be described again" in reason for reason in missing.values())
     assert len(drawn.blocks) == 6
 
 
-def test_descriptors_that_decide_otherwise_are_not_drawn(replay):
+@pytest.mark.parametrize("change", ["renamed", "another picture"])
+def test_other_images_than_the_replays_are_refused(copied, change):
+    images, replay = copied
+    if change == "renamed":
+        (images / "image7.png").rename(images / "image7b.png")
+    else:
+        (images / "image7.png").write_bytes((images / "image60.png").read_bytes())
+    with pytest.raises(ResultError):
+        position_descriptors(replay)
+    drawn = draw_replay(replay, [], step=None, figures=True)
+    assert len(skipped(drawn)) == 2
+    assert all("cannot be described again" in reason for reason in skipped(drawn).values())
+
+
+def test_evidence_that_was_not_decided_so_is_not_drawn(replay):
     other = replace(replay, steps=replay.steps.with_columns(best_frame=pl.col("best_frame") * 0 + 1))
-    with DescriptorCache() as cache:
-        drawn = draw_replay(other, [], cache, step=None, figures=False)
-        blocks = draw_replay(other, [], cache, step=None, figures=True).blocks
-    assert drawn.batch is None
-    assert sum("replay the sequence again" in block.reason for block in blocks if isinstance(block, Skipped)) == 2
+    (reason,) = skipped(draw_replay(other, [], step=None, figures=True)).values()
+    assert "replay the sequence again" in reason
 
 
-def test_other_images_than_the_replays_are_refused(replay):
-    renamed = replace(replay, steps=replay.steps.with_columns(file=pl.col("file").str.replace("image7", "other")))
-    with DescriptorCache() as cache, pytest.raises(ResultError, match="not those of the replay any more"):
-        list(descriptions(renamed, cache))
+def test_an_object_that_is_not_found_again_leaves_out_only_what_needs_it(panoramas, tmp_path):
+    class Local:
+        """A descriptor that no later process can make."""
+
+        def describe(self, panorama):
+            values = panorama[:4].mean(axis=1)
+            return omnieval.Description(values, values[None])
+
+    run = omnieval.replay(panoramas, mapper="leader", descriptor=Local(), out=tmp_path / "run", recording=None)
+    drawn = draw_replay(open_sources([run.folder]).replays[0], [], step=None, figures=True)
+    assert "Batch clustering over the number of clusters" in skipped(drawn)
+    assert any(not isinstance(block, Skipped) for block in drawn.blocks)
+
+
+def test_too_many_images_leave_out_the_batch_clustering_alone(replay, monkeypatch):
+    monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 10)
+    missing = skipped(draw_replay(replay, [], step=None, figures=True))
+    assert set(missing) == {"Batch clustering over the number of clusters"}
+    assert "80 images" in next(iter(missing.values()))
+
+
+def test_another_mapper_has_the_figures_that_are_not_the_papers(panoramas, tmp_path):
+    run = omnieval.replay(panoramas, mapper="leader", out=tmp_path / "run", recording=None)
+    drawn = draw_replay(open_sources([run.folder]).replays[0], [], step=None, figures=True)
+    titles = {block.title for block in drawn.blocks}
+    assert "The gate x over the number of nodes" not in titles
+    assert list(skipped(drawn).values()) == ["the mapper leader has none"]
+    (times,) = (block for block in drawn.blocks if block.title == "Time per step")
+    assert "of the paper" not in figure_of(times).caption

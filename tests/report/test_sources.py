@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from omnieval.errors import ResultError
+from omnieval.material import Cut
 from omnieval.report.published import PUBLISHED, route_of
 from omnieval.report.sources import best_rows, open_sources
 from tests.report.conftest import SMALL
@@ -30,10 +31,10 @@ def test_the_best_run_of_a_sweep_is_a_replay_with_its_own_parameters(sweep):
     table = pl.read_parquet(sweep / "ablation.parquet")
     best = table.sort("silhouette", descending=True, maintain_order=True).row(0, named=True)
     assert replay.metrics["silhouette"] == best["silhouette"] == table["silhouette"].max()
-    assert replay.config.mapper.omega == best["omega"]
-    assert replay.config.mapper.merge_y == best["merge_y"]
-    assert replay.config.mapper.n_new == SMALL["n_new"]
-    assert replay.cut == {"start": 0, "stride": 1, "limit": None}
+    assert replay.config.settings["omega"] == best["omega"]
+    assert replay.config.settings["merge_y"] == best["merge_y"]
+    assert replay.config.settings["n_new"] == SMALL["n_new"]
+    assert replay.cut == Cut()
     assert len(replay.steps) == 80
 
 
@@ -51,6 +52,7 @@ def test_the_best_rows_take_the_first_of_equals():
         {
             "dataset": "d",
             "source": "s",
+            "mapper": "roman2020",
             "descriptor": ["hog", "hog", "hog", "gist"],
             "silhouette": [0.1, 0.3, 0.3, None],
             "job": [0, 1, 2, 3],
@@ -100,9 +102,9 @@ def test_a_damaged_table_and_unknown_parameters_are_named(run, baseline, tmp_pat
     foreign = tmp_path / "foreign"
     shutil.copytree(run, foreign)
     manifest = json.loads((foreign / "run.json").read_text())
-    manifest["configuration"]["mapper"]["warp"] = 9
+    manifest["imaging"]["warp"] = 9
     (foreign / "run.json").write_text(json.dumps(manifest))
-    with pytest.raises(ResultError, match="parameters this omnieval does not know"):
+    with pytest.raises(ResultError, match="does not say what was run"):
         open_sources([foreign])
 
 

@@ -219,8 +219,8 @@ def test_the_chosen_step_is_drawn(run, baseline, tmp_path):
 def test_a_step_without_curve_is_left_out_with_a_sentence(run, baseline, tmp_path):
     report = write_report([run, baseline], Order(step=0), out=tmp_path / "out")
     (skipped,) = report.skipped
-    assert "no node was a candidate" in skipped.reason
-    assert "no node was a candidate" in report.page.read_text("utf-8")
+    assert "no node let it in" in skipped.reason
+    assert "no node let it in" in report.page.read_text("utf-8")
 
 
 def test_progress_is_told_replay_by_replay(run, sweep, baseline):

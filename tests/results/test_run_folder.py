@@ -216,14 +216,14 @@ def test_the_next_free_name_is_numbered(tmp_path):
     ("content", "message"),
     [
         (None, "not a run folder: it has no run.json"),
-        ('{"schema_version": 2, "kind": "baseline"}', "a baseline, not a replay"),
+        ('{"schema_version": 3, "kind": "baseline"}', "a baseline, not a replay"),
         ("{", "cannot read"),
         ('{"schema_version": 99}', "schema version 99"),
         ("[]", "None"),
-        ('{"schema_version": 2}', "nothing we know, not a replay"),
-        ('{"schema_version": 2, "kind": 7}', "nothing we know, not a replay"),
+        ('{"schema_version": 3}', "nothing we know, not a replay"),
+        ('{"schema_version": 3, "kind": 7}', "nothing we know, not a replay"),
         (
-            '{"schema_version": 2, "kind": "replay", "status": 1}',
+            '{"schema_version": 3, "kind": "replay", "status": 1}',
             "damaged: it has no status, process, started, metrics",
         ),
     ],

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omnieval.errors import ConfigError, DatasetError, OmnievalError, RegressionError
+from omnieval.errors import OmnievalError, RegressionError
 from omnieval.regression.judge import Outcome
 from omnieval.regression.trace import Parting
 
@@ -26,8 +26,8 @@ class CaseReport:
         Of the case; of what was to be checked where the reference has no case for it.
     outcomes
         One a guarded value; empty where there is nothing to compare.
-    fault, code
-        Why there is nothing to compare, and the exit code that says so; None if there is.
+    error
+        Why there is nothing to compare; None if there is.
     parting
         The first step decided otherwise than in the decision trace; None if there is none, or no trace.
     settings
@@ -40,22 +40,26 @@ class CaseReport:
 
     name: str
     outcomes: tuple[Outcome, ...] = ()
-    fault: str | None = None
-    code: int | None = None
+    error: OmnievalError | None = None
     parting: Parting | None = None
     settings: dict[str, tuple[Any, Any]] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
     seconds: float | None = None
 
     @property
+    def fault(self) -> str | None:
+        """Why there is nothing to compare, in words."""
+        return None if self.error is None else str(self.error)
+
+    @property
     def worse(self) -> bool:
         """Whether the maps are worse than the reference says, or there is no reference for them."""
-        return self.code == RegressionError.exit_code or (self.fault is None and self.failed)
+        return isinstance(self.error, RegressionError) or any(outcome.failed for outcome in self.outcomes)
 
     @property
     def failed(self) -> bool:
         """Whether the gate stays shut."""
-        return self.fault is not None or not self.outcomes or any(outcome.failed for outcome in self.outcomes)
+        return self.error is not None or self.worse
 
 
 def table_rows(reports: Sequence[CaseReport]) -> list[dict[str, str]]:
@@ -91,22 +95,15 @@ def failure(reports: Sequence[CaseReport], reference: Path) -> OmnievalError | N
 
     Maps that are worse come before cases that could not be replayed, which are no regression.
     """
-    if any(report.worse for report in reports):
-        return RegressionError(summary(reports, reference))
-    broken = [report for report in reports if report.failed]
-    if not broken:
+    if not any(report.failed for report in reports):
         return None
-    named = "; ".join(f"{report.name} {report.fault}" for report in broken[:_NAMED_FAILURES])
-    kind = DatasetError if any(report.code == DatasetError.exit_code for report in broken) else ConfigError
-    return kind(f"{reference} could not be checked: {named}")
-
-
-def summary(reports: Sequence[CaseReport], reference: Path) -> str:
-    """Return one line that says what failed, and what to do."""
-    failures = [line for report in reports for line in _failures(report)]
-    named = "; ".join(failures[:_NAMED_FAILURES])
-    more = f"; and {len(failures) - _NAMED_FAILURES} more" if len(failures) > _NAMED_FAILURES else ""
-    return f"{reference} does not hold: {named}{more}; if this is meant, accept it with --update"
+    lines = [line for report in reports for line in _failures(report)]
+    named = "; ".join(lines[:_NAMED_FAILURES])
+    more = f"; and {len(lines) - _NAMED_FAILURES} more" if len(lines) > _NAMED_FAILURES else ""
+    if any(report.worse for report in reports):
+        return RegressionError(f"{reference} does not hold: {named}{more}; if this is meant, accept it with --update")
+    worst = max((report.error for report in reports if report.error), key=lambda error: error.exit_code)
+    return type(worst)(f"{reference} could not be checked: {named}{more}")
 
 
 def as_object(reports: Sequence[CaseReport], reference: Path) -> dict[str, Any]:
