@@ -96,7 +96,7 @@ def ablate(
 
       omnieval ablate synthetic --exact merge_y=0.5:3
 
-      omnieval ablate synthetic:night --mapper roman2020,leader --descriptor hog,gist
+      omnieval ablate --mapper roman2020,leader --descriptor hog,gist
 
       omnieval ablate --preset figures-9-10 --out runs/figures --resume
     """
