@@ -224,7 +224,7 @@ def refuse_descriptor(source: Source, config: Config) -> None:
     ConfigError
         If one was.
     """
-    if not config.descriptor.is_default:
+    if config.descriptor != ARCHIVE and not config.descriptor.is_default:
         raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
 
 

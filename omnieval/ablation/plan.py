@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from omnieval.datasets import load
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.soundness import without_bad
 from omnieval.loop import too_short
-from omnieval.material import ARCHIVE_SCHEME, Cut, Source, archive_file, opened
+from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, Cut, Source, archive_file, opened, refuse_descriptor
 from omnieval.results.schemas import parameter_type
 
 
@@ -76,14 +77,23 @@ def make_plan(
         raise ConfigError("; ".join([*misfits, *map(str, faults)]))
     if faults:
         raise DatasetError("; ".join(map(str, faults)))
-    numbered = enumerate((one, config) for one in inputs for config in configs)
+    points = [(one, _config_for(one, config)) for one in inputs for config in configs]
     varied = tuple(axis.name for axis in axes)
     return Plan(
-        tuple(Job(number, one, config, exact) for number, (one, config) in numbered),
+        tuple(Job(number, one, config, exact) for number, (one, config) in enumerate(points)),
         varied,
-        _grid(inputs, configs, varied, exact),
+        _grid(inputs, [config for _, config in points], varied, exact),
         exact,
     )
+
+
+def _config_for(one: Input, config: Config) -> Config:
+    """Return the configuration of a job: the descriptors of an archive are those of no component."""
+    file = archive_file(one.given)
+    if file is None:
+        return config
+    refuse_descriptor(one.source, config)
+    return dataclasses.replace(config, descriptor=ARCHIVE)
 
 
 def _input(source: Source, cut: Cut, *, skip_bad: bool) -> Input:

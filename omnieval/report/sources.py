@@ -22,7 +22,7 @@ from omnieval.config import Config
 from omnieval.errors import ConfigError, ResultError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.mapping.interface import Method
-from omnieval.material import Cut, Material, held_against, opened, reopened
+from omnieval.material import ARCHIVE, Cut, Material, held_against, opened, reopened
 from omnieval.metrics.evaluation import METRICS
 from omnieval.results.manifest import MANIFEST, read_manifest, status_of
 from omnieval.results.run_folder import Run, open_run
@@ -108,7 +108,9 @@ class Replay:
             with reopened(self.run) as material:
                 yield material
             return
-        config = dataclasses.replace(self.config, descriptor=self.config.descriptor.again())
+        config = self.config
+        if config.descriptor != ARCHIVE:
+            config = dataclasses.replace(config, descriptor=config.descriptor.again())
         with opened(self.source, config, self.cut, skip_bad=self.skip_bad) as material:
             files = self.steps["file"].to_list()
             yield held_against(material, files, self.facts["dataset_fingerprint"], self.title)
