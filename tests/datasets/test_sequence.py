@@ -29,7 +29,8 @@ def test_cuts_compose(cuts):
             return
         part = part.cut(**cut)
     assert part.frames == expected
-    assert WHOLE.cut(**dict(zip(("start", "stride", "limit"), part.cut_from, strict=True))).frames == expected
+    start, stride, limit = part.cut_from
+    assert WHOLE.cut(start=start, stride=stride, limit=limit).frames == expected
 
 
 def test_a_cut_of_a_cut_says_what_was_cut_from_the_whole():
