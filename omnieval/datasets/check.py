@@ -29,7 +29,7 @@ backward-time         error    an image was taken before its predecessor
 unreadable-image      error    the file cannot be read
 empty-image           error    the file has no bytes
 truncated-image       error    the file ends early
-damaged-image         error    a checksum within the file is wrong (PNG)
+damaged-image         error    a checksum within the file is wrong (PNG), or a part was overwritten (JPEG)
 not-an-image          error    the file cannot be decoded
 wrong-size            error    the image's size differs from the others'
 yaw-out-of-range      warning  a yaw that is probably not in radians
@@ -44,7 +44,7 @@ no-labels             info     there is no ``places.lst``
 no-poses              info     there is no ``poses.csv`` or ground truth
 ===================== ======== =====================================================================
 
-A JPEG or BMP that is whole but was overwritten somewhere in its middle is not found: see `omnieval.datasets.images`.
+A BMP that was overwritten somewhere in its middle is not found: see `omnieval.datasets.images`.
 """
 
 from __future__ import annotations
