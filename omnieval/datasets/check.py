@@ -192,9 +192,9 @@ def _image_findings(found: Scan, reports: dict[Path, ImageReport]) -> tuple[tupl
 
 
 def _card_findings(found: Scan, length: float | None, size: tuple[int, int] | None) -> list[Finding]:
-    if found.card is None:
+    known = found.own_card or (card(found.card) if found.card else None)
+    if known is None:
         return []
-    known = found.own_card or card(found.card)
     findings: list[Finding] = []
     if size is not None and known.image_size is not None and known.image_size != size:
         message = f"images are {_pixels(size)}, the card {known.name} says {_pixels(known.image_size)}"

@@ -162,6 +162,22 @@ def visible_names(folder: Path) -> list[str]:
         return []
 
 
+def read_text(path: Path) -> str:
+    """Return the text in `path`.
+
+    Raises
+    ------
+    DatasetError
+        If it cannot be read; the message does not name the file.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except ValueError as error:
+        raise DatasetError("not UTF-8 text; save it as UTF-8") from error
+    except OSError as error:
+        raise DatasetError(f"cannot be read: {error.strerror or error}") from error
+
+
 def has_image_suffix(name: str) -> bool:
     """Tell whether `name` ends like an image file, in upper or lower case."""
     return name.casefold().endswith(IMAGE_SUFFIXES)
