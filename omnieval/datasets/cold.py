@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 from omnieval.datasets.cards import card, find_card
@@ -29,8 +28,9 @@ from omnieval.datasets.scan import (
     canonical_path,
     has_image_suffix,
     missing_folder,
-    pose_remark,
+    pose_remarks,
     read_text,
+    time_remarks,
     visible_names,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose
@@ -100,7 +100,9 @@ def scan_cold(path: str | Path) -> Scan:
     names = visible_names(root / OMNI_FOLDER)
     frames, faults = _scan_names(root, names)
     rooms, label_faults = _read_places(root)
-    remarks = _order_remarks(frames) + _pose_remarks(frames) + _stray_remarks(names)
+    poses = ((f"{OMNI_FOLDER}/{frame.file}", frame.pose) for frame in frames)
+    remarks = time_remarks(frames, below=f"{OMNI_FOLDER}/") + pose_remarks(poses, largest_yaw=_YAW_LIMIT)
+    remarks += _stray_remarks(names)
     if rooms is None and not label_faults:
         remarks.append(Finding("info", "no-labels", PLACES_FILE, "not there; frames have no room"))
     if rooms is not None:
@@ -226,23 +228,6 @@ def scan_places(text: str) -> tuple[dict[str, str], list[Finding]]:
         else:
             rooms[fields[0]] = match["room"]
     return rooms, faults
-
-
-def _order_remarks(frames: list[Frame]) -> list[Finding]:
-    return [
-        Finding("error", "duplicate-time", f"{OMNI_FOLDER}/{b.file}", f"taken at the same time as {a.file}; keep one")
-        for a, b in pairwise(frames)
-        if a.time_ns == b.time_ns
-    ]
-
-
-def _pose_remarks(frames: list[Frame]) -> list[Finding]:
-    remarks = [
-        pose_remark(frame.pose, f"{OMNI_FOLDER}/{frame.file}", largest_yaw=_YAW_LIMIT)
-        for frame in frames
-        if frame.pose is not None
-    ]
-    return [remark for remark in remarks if remark is not None]
 
 
 def _stray_remarks(names: list[str]) -> list[Finding]:

@@ -34,7 +34,7 @@ from omnieval.datasets.scan import (
     has_image_suffix,
     missing_folder,
     name_faults,
-    pose_remark,
+    pose_remarks,
     read_text,
     time_remarks,
 )
@@ -165,7 +165,8 @@ def _read_poses(root: Path, names: list[str], truth: GroundTruth | None) -> tupl
     if table.columns is None:
         return {}, faults
     captures, findings = _matched(names, table)
-    return captures, [*faults, *findings, *_pose_remarks(captures, table)]
+    poses = ((f"{table.name}:{capture.line}", _with_yaw(capture.pose, table)) for capture in captures.values())
+    return captures, [*faults, *findings, *pose_remarks(poses, largest_yaw=math.tau)]
 
 
 def _poses_file(root: Path, truth: GroundTruth) -> str | Finding:
@@ -235,14 +236,9 @@ def _spellings(names: list[str]) -> Mapping[str, list[str]]:
     return {**spellings, **{file_key(name): [name] for name in names}}
 
 
-def _pose_remarks(captures: Mapping[str, Capture], table: Table) -> list[Finding]:
-    has_yaw = "yaw" in (table.columns or ())
-    poses = [(capture.line, capture.pose) for capture in captures.values() if capture.pose is not None]
-    remarks = [
-        pose_remark(pose if has_yaw else replace(pose, yaw=0.0), f"{table.name}:{line}", largest_yaw=math.tau)
-        for line, pose in poses
-    ]
-    return [remark for remark in remarks if remark is not None]
+def _with_yaw(pose: Pose | None, table: Table) -> Pose | None:
+    """Return a pose that lacks no yaw only because no column tells it."""
+    return pose if pose is None or "yaw" in (table.columns or ()) else replace(pose, yaw=0.0)
 
 
 def _frame(root: Path, name: str, capture: Capture | None) -> Frame:
