@@ -302,8 +302,6 @@ def _class(kind: Kind, chosen: Any) -> Any:
 
 
 def _owner(kind: Kind, chosen: Any) -> Owner:
-    if isinstance(chosen, Component) and chosen.spec is None and chosen.given is None:  # of no class that can be had
-        return Owner(chosen.name, kind, None, chosen=True)
     cls = _class(kind, chosen)
     # The parameters of an object are what they are.
     return Owner(name_of(cls), kind, settings_model(cls) if inspect.isclass(cls) else None, chosen=True)

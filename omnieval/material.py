@@ -194,7 +194,7 @@ def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
         yield _of_run(run, _of_archive(file, cut))
         return
     if describe:
-        config = dataclasses.replace(config, descriptor=config.descriptor.again())
+        config = described_again(config)
     sequence = load(source).cut(**dataclasses.asdict(cut))
     skipped = None if "skipped" not in manifest else tuple(BadImage(**bad) for bad in manifest["skipped"])
     left_out = {bad.file for bad in skipped or ()}
@@ -224,8 +224,21 @@ def refuse_descriptor(source: Source, config: Config) -> None:
     ConfigError
         If one was.
     """
-    if config.descriptor != ARCHIVE and not config.descriptor.is_default:
+    if not config.descriptor.is_default and config.descriptor != ARCHIVE:
         raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
+
+
+def described_again(config: Config) -> Config:
+    """Return a configuration whose descriptor is as it can be made now; an archive needs none.
+
+    Raises
+    ------
+    ResultError
+        If it cannot be made any more, or has changed.
+    """
+    if config.descriptor == ARCHIVE:
+        return config
+    return dataclasses.replace(config, descriptor=config.descriptor.again())
 
 
 def why_unposed(frames: Iterable[Frame]) -> str | None:

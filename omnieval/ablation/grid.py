@@ -19,6 +19,7 @@ from omnieval.components import BUILT_IN, Component
 from omnieval.config import Config, Setting, full_name, parameters, presets, resolve
 from omnieval.errors import ConfigError
 from omnieval.mapping.interface import BranchingMapper
+from omnieval.material import ARCHIVE
 
 COMPONENTS = tuple(reversed(BUILT_IN))
 """Axes of components, which are varied before parameters."""
@@ -174,7 +175,12 @@ def value_of(config: Config, name: str) -> Any:
     """Return the value of a parameter, or the name of a component, None if the configuration has none of that name."""
     if name in COMPONENTS:
         return getattr(config, name).name
-    return config.settings.get(full_name(name, config.mapper, config.descriptor) or name)
+    return config.settings.get(full_name(name, *components(config)) or name)
+
+
+def components(config: Config) -> tuple[Component, Component | None]:
+    """Return mapper and descriptor, None for that of an archive, which has no parameters."""
+    return config.mapper, None if config.descriptor == ARCHIVE else config.descriptor
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ from omnieval.config import Config
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError
+from omnieval.imaging.soundness import BadImage
+from omnieval.mapping.interface import Method
 from omnieval.material import Cut, Material, Source
 from omnieval.metrics.evaluation import evaluate
 from omnieval.results.atomic import replacing
@@ -38,7 +40,7 @@ class Input:
     given
         What to open: a sequence that is cut already, or the file of an archive.
     skipped
-        Names of images that were left out because they are not fit for use; None if nobody asked for that.
+        Images that were left out because they are not fit for use; None if nobody asked for that.
     """
 
     name: str
@@ -46,7 +48,7 @@ class Input:
     cut: Cut
     images: int
     given: Source
-    skipped: tuple[str, ...] | None = None
+    skipped: tuple[BadImage, ...] | None = None
 
     @property
     def rest(self) -> Cut:
@@ -85,6 +87,17 @@ class Job:
             "mapper": self.config.mapper.name,
             "descriptor": self.config.descriptor.name,
             **self.config.settings,
+        }
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """The components as ``run.json`` of a run tells of them."""
+        mapper, descriptor = self.config.mapper, self.config.descriptor
+        method = Method.of(mapper.given or mapper.cls, mapper.name, mapper.settings)
+        return {
+            "mapper": {**mapper.about, **method.about},
+            "descriptor": descriptor.about,
+            "imaging": self.config.imaging.model_dump(mode="json"),
         }
 
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from omnieval.ablation.grid import COMPONENTS, Axis, Span, configurations, value_of
+from omnieval.ablation.grid import COMPONENTS, Axis, Span, components, configurations, value_of
 from omnieval.ablation.jobs import Input, Job
+from omnieval.ablation.store import as_text
 from omnieval.components import Component
 from omnieval.config import Config, Setting, parameters
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.datasets import load
 from omnieval.errors import ConfigError, DatasetError
+from omnieval.imaging.settings import ImagingConfig
 from omnieval.imaging.soundness import without_bad
 from omnieval.loop import too_short
-from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, Cut, Source, archive_file, opened, refuse_descriptor
+from omnieval.material import ARCHIVE, Cut, Source, archive_file, opened, refuse_descriptor
 from omnieval.results.schemas import parameter_type
 
 
@@ -70,61 +73,66 @@ def make_plan(
     inputs: list[Input] = []
     for source in sources or ("synthetic",):
         try:
-            inputs.append(_input(source, cut or Cut(), skip_bad=skip_bad))
+            inputs.append(_input(source, configs, cut or Cut(), skip_bad=skip_bad))
         except DatasetError as error:
             faults.append(error)
     if misfits := [*_twice(inputs), *_too_short(inputs, configs)]:
         raise ConfigError("; ".join([*misfits, *map(str, faults)]))
     if faults:
         raise DatasetError("; ".join(map(str, faults)))
-    points = [(one, _config_for(one, config)) for one in inputs for config in configs]
+    pairs = [(one, config) for one in inputs for config in _of_input(one, configs)]
     varied = tuple(axis.name for axis in axes)
     return Plan(
-        tuple(Job(number, one, config, exact) for number, (one, config) in enumerate(points)),
+        tuple(Job(number, one, config, exact) for number, (one, config) in enumerate(pairs)),
         varied,
-        _grid(inputs, [config for _, config in points], varied, exact),
+        _grid(inputs, [config for _, config in pairs], varied, exact),
         exact,
     )
 
 
-def _config_for(one: Input, config: Config) -> Config:
-    """Return the configuration of a job: the descriptors of an archive are those of no component."""
-    file = archive_file(one.given)
-    if file is None:
-        return config
-    refuse_descriptor(one.source, config)
-    return dataclasses.replace(config, descriptor=ARCHIVE)
-
-
-def _input(source: Source, cut: Cut, *, skip_bad: bool) -> Input:
+def _input(source: Source, configs: Iterable[Config], cut: Cut, *, skip_bad: bool) -> Input:
     file = archive_file(source)
     if file is not None:
-        with opened(source, configurations([])[0], cut) as material:
-            return Input(material.name, f"{ARCHIVE_SCHEME}{file.resolve()}", cut, len(material.frames), file)
+        for config in configs:
+            refuse_descriptor(source, config)
+        with opened(source, replace(config, descriptor=ARCHIVE), cut) as material:
+            return Input(material.name, material.source, cut, len(material.frames), file)
     sequence = source if isinstance(source, ImageSequence) else load(source)
     sequence = sequence.cut(start=cut.start, stride=cut.stride, limit=cut.limit)
     skipped = None
     if skip_bad:
-        sequence, left_out = without_bad(sequence)
-        skipped = tuple(bad.file for bad in left_out)
+        sequence, skipped = without_bad(sequence)
     return Input(sequence.name, sequence.source, Cut(*sequence.cut_from), len(sequence), sequence, skipped)
+
+
+def _of_input(one: Input, configs: Sequence[Config]) -> list[Config]:
+    """Return the configurations as they are run on these images: an archive has its descriptions."""
+    if not isinstance(one.given, Path):
+        return list(configs)
+    own = [replace(config, descriptor=ARCHIVE, imaging=ImagingConfig()) for config in configs]
+    if any(config in own[:number] for number, config in enumerate(own)):
+        raise ConfigError(f"{one.source} holds descriptors and is taken as it is; vary parameters of the mapper alone")
+    return own
 
 
 def _grid(
     inputs: Sequence[Input], configs: Sequence[Config], varied: Sequence[str], exact: Span | None
 ) -> dict[str, Any]:
-    types = {name: parameter_type(field) for config in configs for name, field in _fields(config).items()}
-    # The parameters of an object are what they are, and have no field.
-    for config in configs:
-        types |= {name: _type_of(value) for name, value in config.settings.items() if name not in types}
-    axes = {name: list(dict.fromkeys([value_of(config, name) for config in configs])) for name in varied}
+    types = _types(configs)
+    shown = {name: as_text if types.get(name) == "text" else _as_it_is for name in varied}
+    axes = {name: list(dict.fromkeys([shown[name](value_of(config, name)) for config in configs])) for name in varied}
+    found = {
+        kind: list({str(one): one for config in configs for one in [_known(getattr(config, kind))]}.values())
+        for kind in COMPONENTS
+    }
+    for kind, known in found.items():
+        places = {(one["name"], one["spec"], one["code"]) for one in known}
+        if namesakes := [name for name, count in Counter(name for name, *_ in places).items() if count > 1]:
+            raise ConfigError(f"there are several {kind}s called {', '.join(namesakes)}; give each a name of its own")
     grid = {
         "sources": [one.source for one in inputs],
         "cuts": [[one.cut.start, one.cut.stride, one.cut.limit] for one in inputs],
-        "components": {
-            kind: list({str(one): one for config in configs for one in [_known(getattr(config, kind))]}.values())
-            for kind in COMPONENTS
-        },
+        "components": found,
         "axes": {name: [value for value in values if value is not None] for name, values in axes.items()},
         "parameters": {
             name: value
@@ -136,7 +144,7 @@ def _grid(
         "exact": [exact.name, exact.first, exact.last] if exact else None,
     }
     if any(one.skipped is not None for one in inputs):
-        grid["skipped"] = {one.source: list(one.skipped or ()) for one in inputs}
+        grid["skipped"] = {one.source: [bad.file for bad in one.skipped or ()] for one in inputs}
     plain: dict[str, Any] = json.loads(json.dumps(grid))
     return plain
 
@@ -146,12 +154,26 @@ def _known(component: Component) -> dict[str, Any]:
     return {name: value for name, value in component.about.items() if name not in ("settings", "identity")}
 
 
-def _fields(config: Config) -> dict[str, Any]:
-    return parameters(config.mapper, config.descriptor, everything=False)
+def _types(configs: Sequence[Config]) -> dict[str, str]:
+    """Return the types of all parameters in words; components may have one of the same name and another type."""
+    types: dict[str, set[str]] = {}
+    for config in configs:
+        fields = parameters(*components(config), everything=False)
+        for name, value in config.settings.items():
+            # The parameters of an object are what they are, and have no field.
+            types.setdefault(name, set()).add(parameter_type(fields[name]) if name in fields else _type_of(value))
+    return {
+        name: next(iter(kinds)) if len(kinds) == 1 else "float" if kinds == {"int", "float"} else "text"
+        for name, kinds in types.items()
+    }
 
 
 def _type_of(value: Any) -> str:
-    return "float" if isinstance(value, float) else "int" if isinstance(value, int) else "text"
+    return {float: "float", int: "int"}.get(type(value), "text")
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
 
 
 def _twice(inputs: Sequence[Input]) -> list[str]:

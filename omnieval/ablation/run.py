@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
+import pickle
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,8 +25,9 @@ from omnieval.datasets import Sequence as ImageSequence
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.soundness import refuse_bad
-from omnieval.loop import replay
+from omnieval.loop import run as replay
 from omnieval.material import Cut, Source, opened
+from omnieval.recording import RecordingOptions
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder, hold_folder, reason_of
 from omnieval.results.provenance import code_digest, versions
@@ -191,6 +192,8 @@ def run_plan(
         With `fail_fast`, when a job fails.
     """
     check_options(plan.exact, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or record_best)
+    if jobs > 1:
+        _refuse_mappers_of_this_process(plan.jobs)
     with DescriptorCache() as cache:
         for given in {job.input.source: job.input.given for job in plan.jobs}.values():
             if isinstance(given, ImageSequence):
@@ -297,12 +300,13 @@ class _Work:
         waiting = [job for job in self.plan.jobs if job.number not in done]
         trees = plant(waiting, [dataset_key(job) for job in waiting], self.processes)
         futures = {
-            pool.submit(grow, tree, described[dataset_key(tree[0])], self._steps_files(tree)): tree for tree in trees
+            pool.submit(grow, list(map(_sent, tree)), described[dataset_key(tree[0])], self._steps_files(tree)): tree
+            for tree in trees
         }
         ended = len(self.plan.jobs) - len(waiting)
         for future in as_completed(futures):
             for job, rows in _by_job(futures[future], future):
-                self.store.add(job.number, rows)
+                self.store.add(job.number, rows, job.about)
                 error = rows[0].get("error")
                 if error and self.fail_fast:
                     message = f"job {job.number} of {job.input.name} failed: {error}; run it again with --resume"
@@ -337,6 +341,22 @@ class _Work:
 
     def _steps_files(self, tree: Sequence[Job]) -> dict[int, Path]:
         return {job.number: self.store.steps_file(job.number) for job in tree if self.keep_steps}
+
+
+def _sent(job: Job) -> Job:
+    """Return a job as a process gets it: its images are described already, so what did it stays here."""
+    return replace(job, config=replace(job.config, descriptor=replace(job.config.descriptor, given=None)))
+
+
+def _refuse_mappers_of_this_process(jobs: Iterable[Job]) -> None:
+    for mapper in {id(job.config.mapper): job.config.mapper for job in jobs}.values():
+        try:
+            pickle.dumps(mapper)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise ConfigError(
+                f"--jobs: the mapper {mapper.name} is known in this process only; put its class into a file, or take "
+                "one job"
+            ) from error
 
 
 def _batch(pool: Executor, described: Described, ks: list[int], seed: int) -> Future[dict[int, float | None]]:
@@ -385,9 +405,9 @@ def _finish(
     ablation = Ablation(work.store.folder, table, lacking)
     if record_best and (best := best_run(table)) is not None:
         job = work.plan.jobs[best]
-        out = ablation.folder / BEST
-        cut = dataclasses.asdict(job.input.rest)
-        replay(job.input.given, config=job.config, **cut, out=out, overwrite=True, recording=True)
+        with opened(job.input.given, job.config, job.input.rest) as material:
+            whole = replace(material, skipped=job.input.skipped)
+            replay(whole, job.config, ablation.folder / BEST, overwrite=True, recording=RecordingOptions())
     folder.complete(
         {
             "jobs": len(table),

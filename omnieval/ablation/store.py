@@ -1,7 +1,8 @@
 """The folder of an ablation, safe to append to and to resume.
 
 run.json             grid, dataset fingerprints, code, versions, status
-parts/00012.json     the rows of job 12 (one; of an interval one a piece), there as soon as it has ended, always whole
+parts/00012.json     the rows of job 12 (one; of an interval one a piece) and its components, there as soon as it has
+                     ended, always whole
 steps/00012.parquet  its decision trace, if asked for
 ablation.parquet     all rows in the order of the grid, when all jobs have ended
 ablation.csv         the same, if asked for
@@ -13,12 +14,13 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
+from omnieval.config import flattened
 from omnieval.errors import ResultError
 from omnieval.results.atomic import replacing, write_json, write_table
 from omnieval.results.compare import differing
@@ -78,8 +80,8 @@ class Store:
             If there is none, or anything differs; the message names it.
         """
         earlier = read_manifest(self.folder, KIND)
-        before = dict(_flat({name: earlier[name] for name in content if name in earlier}))
-        now = dict(_flat({name: value for name, value in content.items() if name in earlier}))
+        before = dict(flattened({name: earlier[name] for name in content if name in earlier}))
+        now = dict(flattened({name: value for name, value in content.items() if name in earlier}))
         if changed := differing(before, now):
             words = ", ".join(f"{name} was {_word(one)}, now {_word(other)}" for name, (one, other) in changed.items())
             raise ResultError(f"{self.folder} cannot be resumed: {words}; choose another --out or pass --overwrite")
@@ -91,14 +93,19 @@ class Store:
         except OSError:  # such as a name that is too long
             return False
 
-    def add(self, job: int, rows: Sequence[dict[str, Any]]) -> None:
-        """Keep the rows of a job; they are on disk when this returns."""
-        write_json({"job": job, "rows": rows}, self.make(_PARTS) / f"{job:05d}.json")
+    def add(self, job: int, rows: Sequence[dict[str, Any]], config: Mapping[str, Any]) -> None:
+        """Keep the rows of a job and its components (`Job.about`); they are on disk when this returns."""
+        write_json({"job": job, "config": config, "rows": rows}, self.make(_PARTS) / f"{job:05d}.json")
 
     def parts(self) -> dict[int, list[dict[str, Any]]]:
         """Return the rows so far by their job; damaged ones count as missing."""
         found = ((path, _read(path)) for path in sorted((self.folder / _PARTS).glob("*.json")))
-        return {int(path.stem): rows for path, rows in found if rows}
+        return {int(path.stem): part["rows"] for path, part in found if part}
+
+    def config(self, job: int) -> dict[str, Any] | None:
+        """Return the components of a job; None if they are lost."""
+        part = _read(self.folder / _PARTS / f"{job:05d}.json")
+        return None if part is None else part["config"]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows so far."""
@@ -138,11 +145,17 @@ def rows_table(rows: Iterable[Mapping[str, Any]], types: Mapping[str, str]) -> p
     `types` are those of the parameters, in words (`schemas.ablation_schema`).
     """
     schema = ablation_schema(types)
-    whole = [dict.fromkeys(schema) | dict(row) for row in rows]
+    texts = [name for name, kind in types.items() if kind == "text"]
+    whole = [dict.fromkeys(schema) | dict(row) | {name: as_text(row.get(name)) for name in texts} for row in rows]
     return pl.DataFrame(whole, schema=schema).sort("job", "exact_from")
 
 
-def _read(path: Path) -> list[dict[str, Any]] | None:
+def as_text(value: Any) -> str | None:
+    """Return the value of a parameter as a column of text holds it."""
+    return value if value is None or isinstance(value, str) else json.dumps(value)
+
+
+def _read(path: Path) -> dict[str, Any] | None:
     try:
         part = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
@@ -152,15 +165,7 @@ def _read(path: Path) -> list[dict[str, Any]] | None:
     rows = part.get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) and row.keys() >= _ALWAYS for row in rows):
         return None
-    return rows
-
-
-def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in content.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield prefix + name, value
+    return part if rows and isinstance(part.get("config"), dict) else None
 
 
 def _word(value: Any) -> str:

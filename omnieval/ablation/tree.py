@@ -160,8 +160,11 @@ def _alone(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalM
     """Map with a mapper that does not branch, one setting after the other; see `_swept`."""
     for key, job in of.items():
         mapper = job.config.mapper.fresh()
+        expect = getattr(mapper, "expect", None)
         started = time.perf_counter()
         for block in blocks(traces.described.descriptions(), AHEAD):
+            if expect:
+                expect(block)
             for description in block:
                 before = time.perf_counter()
                 step = mapper.step(description)

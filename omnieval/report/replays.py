@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import polars as pl
@@ -129,10 +129,12 @@ def _curves_block(replay: Replay, descriptors: NDArray[np.float32] | str, step: 
 
 
 def _beside(replay: Replay, baselines: Sequence[Baseline]) -> list[Baseline]:
-    """Return the baselines of the same images and descriptor."""
-    return [
-        baseline
-        for baseline in baselines
-        if (baseline.source, baseline.cut) == (replay.source, replay.cut)
-        and baseline.table["descriptor"][0] == replay.descriptor
-    ]
+    """Return the baselines of the same images, described in the same way."""
+
+    def images(one: Baseline | Replay) -> Any:
+        return one.source, one.cut, one.described
+
+    def prints(one: Baseline | Replay) -> set[Any]:
+        return {one.facts["dataset_fingerprint"]} - {None}  # unknown of one that did not end
+
+    return [one for one in baselines if images(one) == images(replay) and len(prints(one) | prints(replay)) < 2]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -12,20 +10,18 @@ from typing import Any
 
 import polars as pl
 
-from omnieval.ablation.grid import COMPONENTS
 from omnieval.ablation.store import BEST, TABLE, Store, rows_table
 from omnieval.ablation.store import KIND as ABLATION
 from omnieval.benchmark import KIND as BASELINE
 from omnieval.benchmark import TABLE as PARTITIONS
-from omnieval.components import Component
+from omnieval.components import digest_of
 from omnieval.config import Config
-from omnieval.errors import ConfigError, ResultError
-from omnieval.imaging.settings import ImagingConfig
+from omnieval.errors import ResultError
 from omnieval.mapping.interface import Method
-from omnieval.material import ARCHIVE, Cut, Material, held_against, opened, reopened
+from omnieval.material import Cut, Material, described_again, held_against, opened, reopened
 from omnieval.metrics.evaluation import METRICS
-from omnieval.results.manifest import MANIFEST, read_manifest, status_of
-from omnieval.results.run_folder import Run, open_run
+from omnieval.results.manifest import MANIFEST, kind_of, read_manifest, status_of
+from omnieval.results.run_folder import Run, method_of, open_run
 
 STEPS = "steps"
 """Where an ablation keeps decision traces."""
@@ -91,6 +87,14 @@ class Replay:
         return self.config.mapper.name
 
     @property
+    def described(self) -> dict[str, Any]:
+        """What an image's description depends on besides the image."""
+        return {
+            "descriptor": digest_of(self.config.descriptor.identity),
+            "imaging": self.config.imaging.model_dump(mode="json"),
+        }
+
+    @property
     def subject(self) -> str:
         """Dataset, descriptor and a mapper that is not the default, in words."""
         return ", ".join([self.dataset, self.descriptor, *([] if self.config.mapper.is_default else [self.mapper])])
@@ -108,10 +112,7 @@ class Replay:
             with reopened(self.run) as material:
                 yield material
             return
-        config = self.config
-        if config.descriptor != ARCHIVE:
-            config = dataclasses.replace(config, descriptor=config.descriptor.again())
-        with opened(self.source, config, self.cut, skip_bad=self.skip_bad) as material:
+        with opened(self.source, described_again(self.config), self.cut, skip_bad=self.skip_bad) as material:
             files = self.steps["file"].to_list()
             yield held_against(material, files, self.facts["dataset_fingerprint"], self.title)
 
@@ -180,6 +181,8 @@ class Baseline:
     cut: Cut
     table: pl.DataFrame
     facts: Mapping[str, Any]
+    described: Mapping[str, Any]
+    """See `Replay.described`."""
 
     @property
     def name(self) -> str:
@@ -212,7 +215,7 @@ def open_sources(paths: Iterable[Path]) -> Sources:
         if path.resolve() in seen:
             raise ResultError(f"{path} is named twice; name it once")
         seen.add(path.resolve())
-        kind = _kind(path)
+        kind = kind_of(path)
         if kind == ABLATION:
             sweeps.append(open_sweep(path))
         elif kind == BASELINE:
@@ -286,7 +289,15 @@ def open_baseline(folder: Path) -> Baseline:
     if not (folder / PARTITIONS).exists():
         raise ResultError(f"{folder} has no partitions yet; let the baseline go on")
     table = _table(folder / PARTITIONS)
-    return Baseline(folder, status_of(manifest), manifest["source"], Cut(**manifest["cut"]), table, _facts(manifest))
+    return Baseline(
+        folder,
+        status_of(manifest),
+        manifest["source"],
+        Cut(**manifest["cut"]),
+        table,
+        _facts(manifest),
+        {"descriptor": manifest["descriptor"]["identity"], "imaging": manifest["imaging"]},
+    )
 
 
 def best_rows(table: pl.DataFrame) -> pl.DataFrame:
@@ -304,11 +315,10 @@ def _kept_replays(folder: Path, manifest: Mapping[str, Any], table: pl.DataFrame
     for row in best_rows(table).iter_rows(named=True):
         title = f"Best run of {folder.resolve().name}: {row['dataset']}, {row['descriptor']}, {row['mapper']}"
         steps = folder / STEPS / f"{row['job']:05d}.parquet"
-        try:
-            config = config_of_row(row, grid)
-            method = Method.of(config.mapper.cls, config.mapper.name, config.mapper.settings)
-        except ConfigError:
-            continue  # of a component that is gone nothing can be said
+        about = Store(folder).config(row["job"])
+        if about is None:
+            continue
+        config = Config.of_run(about)
         if recorded is not None and recorded.source == row["source"] and recorded.config == config:
             yield replace(recorded, title=title)
         elif steps.exists():
@@ -319,7 +329,7 @@ def _kept_replays(folder: Path, manifest: Mapping[str, Any], table: pl.DataFrame
                 source=row["source"],
                 cut=Cut(*cuts[row["source"]]),
                 config=config,
-                method=method,
+                method=method_of(about),
                 status="complete",
                 steps=_table(steps),
                 metrics={name: row[name] for name in METRICS},
@@ -329,26 +339,6 @@ def _kept_replays(folder: Path, manifest: Mapping[str, Any], table: pl.DataFrame
             )
 
 
-def config_of_row(row: Mapping[str, Any], grid: Mapping[str, Any]) -> Config:
-    """Return the configuration of a row of an ablation with this grid."""
-    about = {kind: {one["name"]: one for one in grid["components"][kind]}[row[kind]] for kind in COMPONENTS}
-    values = {name: row[name] for name in grid["types"]}
-    own = f"{row['descriptor']}."
-    settings = {
-        "mapper": {name: value for name, value in values.items() if "." not in name and value is not None},
-        "descriptor": {
-            name.removeprefix(own): value
-            for name, value in values.items()
-            if name.startswith(own) and value is not None
-        },
-    }
-    mapper, descriptor = (
-        Component.of_run(kind, {**about[kind], "settings": settings[kind]}) for kind in ("mapper", "descriptor")
-    )
-    imaging = {name.removeprefix("imaging."): value for name, value in values.items() if name.startswith("imaging.")}
-    return Config(mapper, descriptor, ImagingConfig.model_validate(imaging))
-
-
 def _recorded(folder: Path) -> Replay | None:
     """Return the run in ``best/``, if there is a whole one."""
     best = folder / BEST
@@ -356,15 +346,6 @@ def _recorded(folder: Path) -> Replay | None:
         return None
     run = open_run(best)
     return replay_of(run) if run.status == "complete" else None
-
-
-def _kind(folder: Path) -> str:
-    """Return what a folder says it holds; a replay is asked for what is missing."""
-    try:
-        content = json.loads((folder / MANIFEST).read_text("utf-8"))
-    except (OSError, ValueError):
-        return ""
-    return str(content.get("kind")) if isinstance(content, dict) else ""
 
 
 def _facts(manifest: Mapping[str, Any]) -> dict[str, Any]:
