@@ -133,9 +133,9 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        from omnieval.results.summary import run_html
+        from omnieval.results.summary import run_html  # with what only a notebook needs
 
-        return run_html(self)
+        return run_html(self.folder, self.manifest, self.steps)
 
     @property
     def recording(self) -> Path:
