@@ -201,7 +201,7 @@ def _within(order: _Order, images: int, source: str, *, asked: bool) -> _Order:
     """Check the numbers of clusters against the number of images; what nobody asked for is dropped."""
     if order.similarity is not None and images < 2:
         raise ConfigError(f"{source}: a similarity needs at least 2 images, there is {images}")
-    if order.similarity is not None and (fault := too_many(images)):
+    if order.method.compares_all and (fault := too_many(images)):
         raise ConfigError(f"{source}: {fault}")
     ks = tuple(k for k in order.ks if k <= images)
     if order.method.takes_k and (not ks or (asked and ks != order.ks)):

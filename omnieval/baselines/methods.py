@@ -60,6 +60,8 @@ class Method:
         Whether it is told the number of clusters; if not, its one partition is that for 0.
     takes_similarity
         Whether it clusters a similarity.
+    compares_all
+        Whether it compares all images with each other, which only so many allow (`similarity.too_many`).
     extra
         The optional library it needs, if any.
     """
@@ -68,6 +70,7 @@ class Method:
     check: Callable[[Images], object]
     takes_k: bool = True
     takes_similarity: bool = False
+    compares_all: bool = False
     extra: str | None = None
 
 
@@ -128,9 +131,9 @@ def _need_rooms(images: Images) -> None:
 
 
 METHODS: dict[str, Method] = {
-    "spectral": Method(_spectral, _need_nothing, takes_similarity=True),
+    "spectral": Method(_spectral, _need_nothing, takes_similarity=True, compares_all=True),
     "kmeans": Method(_kmeans, _need_nothing),
-    "agglomerative": Method(_agglomerative, _need_nothing),
+    "agglomerative": Method(_agglomerative, _need_nothing, compares_all=True),
     "dbstream": Method(_dbstream, _need_river, takes_k=False, extra="river"),
     "time-slices": Method(_time_slices, _need_nothing),
     "positions": Method(_positions, _need_positions),

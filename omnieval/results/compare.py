@@ -232,8 +232,11 @@ def determining(run: Run) -> dict[str, Any]:
         "skipped": len(manifest.get("skipped") or ()),
         **config.settings,
         **{f"camera.{name}": value for name, value in flattened(camera) if name != "origin"},
-        "mapper.code": config.mapper.code,
-        "descriptor.code": config.descriptor.code,
+        **{
+            f"{one.kind}.{what}": one.identity[what]
+            for one in (config.mapper, config.descriptor)
+            for what in ("code", "weights")
+        },
         "images": manifest.get("dataset_fingerprint"),
     }
 

@@ -34,7 +34,7 @@ from omnieval.results.folder import ResultFolder, reason_of
 from omnieval.results.manifest import expanded, read_manifest, status_of
 from omnieval.results.schemas import steps_schema
 from omnieval.results.tables import steps_frame
-from omnieval.wording import safe_name
+from omnieval.wording import counted, safe_name
 
 KIND = "replay"
 RECORDING = "replay.rrd"
@@ -64,8 +64,8 @@ class Run:
     manifest: dict[str, Any]
 
     def __repr__(self) -> str:
-        counted = {"frames": self.manifest.get("frames"), "nodes": self.metrics.get("nodes")}
-        facts = [self.status, *(f"{number} {name}" for name, number in counted.items() if number is not None)]
+        numbers = {"frame": self.manifest.get("frames"), "node": self.metrics.get("nodes")}
+        facts = [self.status, *(counted(number, name) for name, number in numbers.items() if number is not None)]
         return f"Run({self.folder}: {', '.join(facts)})"
 
     @property

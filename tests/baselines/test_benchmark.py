@@ -1,6 +1,7 @@
 """Baselines over a sequence: one row a partition, the metrics of a replay, a folder that is never half-written."""
 
 import json
+import shutil
 
 import numpy as np
 import polars as pl
@@ -172,3 +173,52 @@ def test_a_baseline_that_is_stopped_keeps_its_rows_and_says_so(archive, stop, st
 def test_paths_may_be_text_and_start_at_home(archive, tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert run_baseline(archive, ks=[3], out="~/out").folder == tmp_path / "out"
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"similarity": "local-scaling"}, {"similarity": "knn"}, {"method": "agglomerative"}], ids=str
+)
+def test_too_many_images_for_all_pairs_are_refused_before_the_work(panoramas, tmp_path, monkeypatch, options):
+    def refuse(*arguments, **options):
+        raise AssertionError("images were described although there are too many")
+
+    monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 79)
+    monkeypatch.setattr("omnieval.benchmark._describe", refuse)
+    with pytest.raises(ConfigError, match="80 images are too many for the similarities of all pairs") as caught:
+        run_baseline(panoramas, **options, out=tmp_path / "out")
+    assert caught.value.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("method", ["kmeans", "time-slices", "positions", "rooms"])
+def test_methods_that_need_no_pairs_take_any_number_of_images(archive, tmp_path, monkeypatch, method):
+    monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 10)
+    ks = None if method == "rooms" else [3]
+    assert len(omnieval.baseline(archive, method=method, ks=ks, out=tmp_path / "out")) == 1
+
+
+def test_images_that_are_not_fit_for_use_are_left_out_when_asked(panoramas, tmp_path):
+    images = shutil.copytree(panoramas, tmp_path / "images")
+    (images / "image33.png").write_bytes(b"")
+    with pytest.raises(DatasetError, match=r"image33\.png"):
+        run_baseline(images, ks=[3], out=tmp_path / "refused")
+    run = run_baseline(images, ks=[3], skip_bad=True, out=tmp_path / "out")
+    assert [bad["file"] for bad in run.manifest["skipped"]] == ["image33.png"]
+    assert run.manifest["frames"] == 79
+    mapped = omnieval.replay(images, mapper="leader", skip_bad=True, out=tmp_path / "run")
+    assert run.manifest["dataset_fingerprint"] == mapped.manifest["dataset_fingerprint"]
+    beside = run_baseline(images, at_k_of=mapped.folder, method="time-slices", skip_bad=True, out=tmp_path / "beside")
+    assert beside.table["k"].to_list() == [mapped.metrics["nodes"]]
+    assert beside.table["silhouette"].to_list() == [mapped.metrics["silhouette_time_slices"]]
+
+
+def test_another_descriptor_is_called_by_its_name_and_known_by_its_identity(panoramas, tmp_path):
+    one, other = (
+        run_baseline(panoramas, ks=[3], config=omnieval.configure({"gist.orientations": count}, descriptor="gist"),
+                     out=tmp_path / str(count))
+        for count in (4, 8)
+    )  # fmt: skip
+    assert one.table["descriptor"].to_list() == ["gist"]
+    assert one.manifest["dataset_fingerprint"] == other.manifest["dataset_fingerprint"]
+    assert one.manifest["descriptor"]["identity"] != other.manifest["descriptor"]["identity"]
+    assert one.manifest["identity"] != other.manifest["identity"]

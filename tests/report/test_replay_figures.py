@@ -1,5 +1,6 @@
 """The figures of a replay show what its tables and descriptors say."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import polars as pl
 import pytest
 
 import omnieval
+from omnieval.benchmark import run_baseline
 from omnieval.errors import DatasetError, ResultError
 from omnieval.mapping.roman2020.conditions import gate_threshold
 from omnieval.mapping.step import Curves
@@ -28,7 +30,7 @@ from omnieval.report.replays import draw_replay
 from omnieval.report.series import gate_figure, step_times, time_figure, visited_gates
 from omnieval.report.sources import open_sources
 from tests.report.charts import figure_of, rows_of
-from tests.report.conftest import replay_of
+from tests.report.conftest import SMALL, replay_of
 
 
 @pytest.fixture(scope="session")
@@ -304,3 +306,26 @@ def test_another_mapper_has_the_figures_that_are_not_the_papers(panoramas, tmp_p
     assert list(skipped(drawn).values()) == ["the mapper leader has none"]
     (times,) = (block for block in drawn.blocks if block.title == "Time per step")
     assert "of the paper" not in figure_of(times).caption
+
+
+def test_only_a_baseline_of_images_described_in_the_same_way_stands_beside(replay, panoramas, baseline, tmp_path):
+    def origin(folder):
+        drawn = draw_replay(replay, open_sources([folder]).baselines, step=None, figures=True)
+        (figure,) = (block for block in drawn.blocks if block.title.startswith("Batch clustering"))
+        return figure_of(figure).caption
+
+    assert "Taken from spectral." in origin(baseline)
+    config = omnieval.configure({"hog.bins": 8})
+    finer = run_baseline(panoramas, ks=[2, 3], config=config, out=tmp_path / "finer")
+    assert "Taken from" not in origin(finer.folder)
+    short = run_baseline(omnieval.load(panoramas).cut(limit=70), ks=[2], out=tmp_path / "short")
+    assert "Taken from" not in origin(short.folder)
+
+
+def test_a_replay_of_what_was_left_whole_is_drawn_whole(panoramas, tmp_path):
+    images = shutil.copytree(panoramas, tmp_path / "images")
+    (images / "image40.png").write_bytes(b"")
+    run = omnieval.replay(images, config=SMALL, skip_bad=True, out=tmp_path / "run")
+    drawn = draw_replay(open_sources([run.folder]).replays[0], [], step=None, figures=True)
+    assert skipped(drawn) == {}
+    assert drawn.batch is not None

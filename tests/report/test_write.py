@@ -250,3 +250,31 @@ def test_a_sweep_without_poses_is_drawn_as_far_as_it_goes(unposed, tmp_path):
         "figures/01-sweep-hog.svg",
         "index.html",
     ]
+
+
+def test_what_can_never_be_made_again_leaves_out_its_figures_with_a_sentence(panoramas, tmp_path):
+    class Local:
+        """A descriptor that no later process can make."""
+
+        def describe(self, panorama):
+            return omnieval.Description(panorama[:4].mean(axis=1), panorama[:4].T.copy())
+
+    run = omnieval.replay(panoramas, config=SMALL, descriptor=Local(), out=tmp_path / "run")
+    report = write_report([run.folder], out=tmp_path / "out")
+    text = report.page.read_text("utf-8")
+    assert [one.title.partition(" of step")[0] for one in report.skipped] == [
+        "Batch clustering over the number of clusters",
+        "Similarity curves",
+    ]
+    for one in report.skipped:
+        assert "the descriptor local was an object that no file or package names" in one.reason
+        assert "the descriptor local was an object" in text
+    assert any(name.endswith("map.svg") for name in report.files)
+
+
+def test_a_leaders_report_has_no_figure_of_the_papers_method(panoramas, tmp_path):
+    run = omnieval.replay(panoramas, mapper="leader", radius=1.5, out=tmp_path / "run")
+    report = write_report([run.folder], out=tmp_path / "out")
+    assert [one.reason for one in report.skipped] == ["the mapper leader has none"]
+    assert [name for name in report.files if "gate" in name or "similarity" in name] == []
+    assert "radius = 1.5" in report.page.read_text("utf-8")

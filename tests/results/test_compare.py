@@ -1,5 +1,7 @@
 """Runs beside each other, and the step at which they part."""
 
+import shutil
+
 import numpy as np
 import polars as pl
 import pytest
@@ -117,3 +119,75 @@ def test_chosen_columns_are_shown_alone_even_if_the_runs_do_not_differ_in_them(r
     assert table["omega"].to_list() == ["3.5"] * 3
     with pytest.raises(ConfigError, match="did you mean nodes"):
         compare(list(runs.values()), ["noodes"])
+
+
+def differing_columns(*runs):
+    """What a comparison shows besides the metrics."""
+    table = compare(list(runs))
+    return {name: table[name].to_list() for name in table.columns if name not in {"run", "status", *runs[0].metrics}}
+
+
+@pytest.fixture(scope="module")
+def led(panoramas, tmp_path_factory):
+    """Replays with the fastest mapper: takes a name and options."""
+    out = tmp_path_factory.mktemp("led")
+    return lambda name, **options: replay(panoramas, mapper="leader", out=out / name, **options)
+
+
+def test_runs_of_other_frames_show_their_cuts(led):
+    whole, part = led("whole"), led("part", start=8, stride=2, limit=30)
+    shown = differing_columns(whole, part)
+    assert shown["cut.start"] == ["0", "8"]
+    assert shown["cut.stride"] == ["1", "2"]
+    assert shown["cut.limit"] == [None, "30"]
+    assert shown["frames"] == ["80", "30"]
+    assert len(set(shown["images"])) == 2
+    assert set(shown) == {"source", "cut.start", "cut.stride", "cut.limit", "frames", "images"}
+
+
+def test_runs_of_two_mappers_show_both_with_the_parameters_of_each(runs, led):
+    shown = differing_columns(runs["one"], led("other-mapper"))
+    assert shown["mapper"] == ["roman2020", "leader"]
+    assert shown["omega"] == ["3.5", None]
+    assert shown["radius"] == [None, "3.0"]
+    assert len(set(shown["mapper.code"])) == 2
+    assert not {"descriptor", "descriptor.code", "images", "frames"} & set(shown)
+
+
+def test_runs_with_other_parameters_of_descriptor_and_imaging_show_them(led):
+    shown = differing_columns(led("first"), led("second", config={"hog.bins": 8, "imaging.rows": 32}))
+    assert shown["hog.bins"][1] == "8"
+    assert shown["imaging.rows"][1] == "32"
+    assert "images" not in shown
+
+
+OWN = """
+from pathlib import Path
+import omnieval
+
+class Own:
+    weights = Path(__file__).with_suffix(".bin")
+
+    def describe(self, panorama):
+        return omnieval.Description(panorama[:4].mean(axis=1), panorama[:4].T.copy())
+"""
+
+
+def test_a_descriptor_that_was_edited_or_trained_on_is_another(led, tmp_path):
+    file = tmp_path / "own.py"
+    found = []
+    for number, (source, weights) in enumerate([(OWN, b"1"), (OWN + "# edited", b"1"), (OWN + "# edited", b"2")]):
+        file.write_text(source)
+        file.with_suffix(".bin").write_bytes(weights)
+        found.append(led(f"own{number}", descriptor=f"{file}:Own"))
+    assert set(differing_columns(*found[:2])) == {"source", "descriptor.code"}
+    assert set(differing_columns(*found[1:])) == {"source", "descriptor.weights"}
+
+
+def test_images_that_were_left_out_are_a_difference(panoramas, tmp_path):
+    images = shutil.copytree(panoramas, tmp_path / "images")
+    whole = replay(images, mapper="leader", out=tmp_path / "whole", skip_bad=True)
+    (images / "image9.png").write_bytes(b"")
+    lacking = replay(images, mapper="leader", out=tmp_path / "lacking", skip_bad=True)
+    shown = differing_columns(whole, lacking)
+    assert (shown["skipped"], shown["frames"]) == (["0", "1"], ["80", "79"])

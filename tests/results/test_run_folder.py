@@ -69,7 +69,7 @@ def test_a_complete_run_has_its_tables_and_no_parts(tmp_path, monkeypatch):
 
 
 def test_a_run_is_shown_in_a_line(tmp_path):
-    assert repr(finished(tmp_path / "run", rows=6)) == f"Run({tmp_path / 'run'}: complete, 6 frames, 1 nodes)"
+    assert repr(finished(tmp_path / "run", rows=6)) == f"Run({tmp_path / 'run'}: complete, 6 frames, 1 node)"
     killed(tmp_path / "killed", rows=1)
     assert repr(open_run(tmp_path / "killed")) == f"Run({tmp_path / 'killed'}: interrupted)"
 
