@@ -65,7 +65,7 @@ class Run:
 
     def __repr__(self) -> str:
         numbers = {"frame": self.manifest.get("frames"), "node": self.metrics.get("nodes")}
-        facts = [self.status, *(counted(number, name) for name, number in numbers.items() if number is not None)]
+        facts = [self.status, *(counted(number, name) for name, number in numbers.items() if isinstance(number, int))]
         return f"Run({self.folder}: {', '.join(facts)})"
 
     @property
