@@ -58,7 +58,7 @@ def what_is_opened(run):
 
 def described_until_refused(run, words):
     """How many descriptions a run's material gives before it is found to be another."""
-    given = []
+    given: list[object] = []
     with reopened(run) as material, pytest.raises(ResultError, match=words):
         given.extend(material.described)
     return len(given)

@@ -142,6 +142,8 @@ def _short(value: Any) -> str:
     """Write a value so that it fits a line: numbers in seven digits, long lists by their beginning."""
     if isinstance(value, float):
         return f"{value:.7g}"
+    if isinstance(value, dict):
+        return " ".join(f"{name} {_short(one)}" for name, one in value.items() if one is not None)
     if isinstance(value, list):
         items = [_short(item) for item in value[:_LONGEST_LIST]]
         return f"[{', '.join(items)}{f', ... {len(value)} in all' if len(value) > _LONGEST_LIST else ''}]"

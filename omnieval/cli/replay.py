@@ -80,8 +80,8 @@ def print_run(run: Run, *, json: bool) -> None:
         print_json({"run": str(run.folder), **run.manifest})
     else:
         print(run.folder)
-        print_fields(summary_fields(run))
-    if skipped := skipped_images(run):
+        print_fields(summary_fields(run.manifest))
+    if skipped := skipped_images(run.manifest):
         note(skipped)
     if (cache := run.manifest["cache"]) and cache["note"]:
         note(cache["note"])

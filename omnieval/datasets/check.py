@@ -29,7 +29,7 @@ backward-time         error    an image was taken before its predecessor
 unreadable-image      error    the file cannot be read
 empty-image           error    the file has no bytes
 truncated-image       error    the file ends early
-damaged-image         error    a checksum within the file is wrong (PNG)
+damaged-image         error    a checksum within the file is wrong (PNG), or a part was overwritten (JPEG)
 not-an-image          error    the file cannot be decoded
 wrong-size            error    the image's size differs from the others'
 yaw-out-of-range      warning  a yaw that is probably not in radians
@@ -44,7 +44,7 @@ no-labels             info     there is no ``places.lst``
 no-poses              info     there is no ``poses.csv`` or ground truth
 ===================== ======== =====================================================================
 
-A JPEG or BMP that is whole but was overwritten somewhere in its middle is not found: see `omnieval.datasets.images`.
+A BMP that was overwritten somewhere in its middle is not found: see `omnieval.datasets.images`.
 """
 
 from __future__ import annotations
@@ -192,9 +192,9 @@ def _image_findings(found: Scan, reports: dict[Path, ImageReport]) -> tuple[tupl
 
 
 def _card_findings(found: Scan, length: float | None, size: tuple[int, int] | None) -> list[Finding]:
-    if found.card is None:
+    known = found.own_card or (card(found.card) if found.card else None)
+    if known is None:
         return []
-    known = found.own_card or card(found.card)
     findings: list[Finding] = []
     if size is not None and known.image_size is not None and known.image_size != size:
         message = f"images are {_pixels(size)}, the card {known.name} says {_pixels(known.image_size)}"

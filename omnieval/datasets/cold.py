@@ -7,8 +7,7 @@ A sequence is a folder like this (or one that holds nothing but such a folder)::
         t1152904768.652404_x-1.511887_y1.036311_a1.348328.jpeg
         ...
       localization/places.lst        optional: "<file name> <ROOM>-<PART>" a line
-      odom_scans/odom.tdf            optional: wheel odometry, see `read_odometry`
-      std_cam/, odom_scans/scans.tdf not read
+      std_cam/, odom_scans/          not read
 
 An image's name carries its time (seconds since the epoch, exact to the microsecond) and its ground-truth pose:
 x and y in metres (x forward along the corridor, y left), yaw in radians.
@@ -18,13 +17,10 @@ from __future__ import annotations
 
 import math
 import re
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from omnieval.datasets.cards import find_card
+from omnieval.datasets.cards import card, find_card
 from omnieval.datasets.scan import (
     ROOT,
     Finding,
@@ -32,17 +28,19 @@ from omnieval.datasets.scan import (
     canonical_path,
     has_image_suffix,
     missing_folder,
-    pose_remark,
-    refusal,
+    pose_remarks,
+    read_text,
+    time_remarks,
     visible_names,
 )
-from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
+from omnieval.datasets.sequence import Camera, Frame, Pose
 from omnieval.errors import DatasetError
-from omnieval.wording import safe_name, shown
+from omnieval.wording import did_you_mean, safe_name, shown
 
 OMNI_FOLDER = "omni_cam"
+SYNTHETIC = "synthetic"
+"""Card of the built-in building."""
 PLACES_FILE = "localization/places.lst"
-ODOMETRY_DTYPE = np.dtype([("time_ns", np.int64), ("x", np.float64), ("y", np.float64), ("theta", np.float64)])
 
 _NAME = re.compile(
     r"t(\d+)\.(\d{6})_x(-?\d+\.\d{6})_y(-?\d+\.\d{6})_a(-?\d+\.\d{6})\.jpeg",
@@ -74,8 +72,9 @@ def parse_name(name: str) -> tuple[int, Pose]:
     if match is None:
         raise DatasetError(f"'{shown(name)}' is not a COLD image name; expected {_NAME_FORM}")
     seconds, microseconds, x, y, yaw = match.groups()
-    time_ns = _nanoseconds(seconds, microseconds)
-    if time_ns is None:
+    significant = seconds.lstrip("0") or "0"
+    time_ns = int(significant[:11]) * _SECOND + int(microseconds) * _MICROSECOND  # integers keep every digit
+    if len(significant) > 10 or time_ns > _LARGEST_TIME:
         raise DatasetError(f"'{shown(name)}' has a time beyond the year 2262; expected seconds since the epoch")
     return time_ns, Pose(float(x), float(y), float(yaw))
 
@@ -85,69 +84,6 @@ def format_name(time_ns: int, pose: Pose) -> str:
     seconds, rest = divmod(time_ns, _SECOND)
     stamp = f"{seconds}.{rest // _MICROSECOND:06d}"
     return f"t{stamp}_x{pose.x:.6f}_y{pose.y:.6f}_a{pose.yaw:.6f}.jpeg"
-
-
-def parse_places(text: str) -> dict[str, str]:
-    r"""Return the room of every image that a ``places.lst`` names, in its order.
-
-    The room is the ``<ROOM>`` of ``<ROOM>-<PART>``, or the whole label where there is no part.
-
-    Raises
-    ------
-    DatasetError
-        If a line is not a file name and a label, or an image has two different labels.
-
-    Examples
-    --------
-    >>> parse_places("t1.000000_x0.000000_y0.000000_a0.000000.jpeg 2PO1-A\n")
-    {'t1.000000_x0.000000_y0.000000_a0.000000.jpeg': '2PO1'}
-    """
-    rooms, faults = _scan_places(text)
-    if faults:
-        raise DatasetError(refusal(tuple(faults), root="", source="cold:PATH"))
-    return rooms
-
-
-def read_odometry(path: str | Path) -> NDArray[np.void]:
-    """Read the wheel odometry of a sequence from its ``odom.tdf``.
-
-    White-space columns, counted from 0: 3 seconds, 4 microseconds, 8 x, 9 y, 11 theta.
-
-    Returns
-    -------
-    NDArray[np.void]
-        Shape (n,), fields `time_ns` (int64, since the epoch), `x`, `y` (metres) and `theta` (radians).
-
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read or a line lacks these columns.
-    """
-    rows: list[tuple[int, float, float, float]] = []
-    for number, line in enumerate(_read_text(Path(path)).split("\n"), start=1):
-        columns = line.split()
-        if not columns:
-            continue
-        row = _odometry_row(columns)
-        if row is None:
-            raise DatasetError(
-                f"{shown(str(path))}:{number}: not an odometry line; expected numbers in columns 3, 4, 8, 9, 11"
-            )
-        rows.append(row)
-    return np.array(rows, dtype=ODOMETRY_DTYPE)
-
-
-def read_cold(path: str | Path) -> Sequence:
-    """Read the COLD sequence in folder `path`; nothing but names and labels is read.
-
-    Frames are in time order; `Frame.file` is the image's name within ``omni_cam``.
-
-    Raises
-    ------
-    DatasetError
-        If the folder is not a COLD sequence, or a name or label does not parse.
-    """
-    return scan_cold(path).sequence()
 
 
 def is_cold(path: Path) -> bool:
@@ -164,7 +100,9 @@ def scan_cold(path: str | Path) -> Scan:
     names = visible_names(root / OMNI_FOLDER)
     frames, faults = _scan_names(root, names)
     rooms, label_faults = _read_places(root)
-    remarks = _order_remarks(frames) + _pose_remarks(frames) + _stray_remarks(names)
+    poses = ((f"{OMNI_FOLDER}/{frame.file}", frame.pose) for frame in frames)
+    remarks = time_remarks(frames, below=f"{OMNI_FOLDER}/") + pose_remarks(poses, largest_yaw=_YAW_LIMIT)
+    remarks += _stray_remarks(names)
     if rooms is None and not label_faults:
         remarks.append(Finding("info", "no-labels", PLACES_FILE, "not there; frames have no room"))
     if rooms is not None:
@@ -172,19 +110,42 @@ def scan_cold(path: str | Path) -> Scan:
         remarks += _label_remarks(names, frames, rooms)
     if not frames and not faults:
         faults = [Finding("error", "empty", OMNI_FOLDER, "no image; is the download complete?")]
-    card, card_sequence = find_card(root)
+    known, card_sequence = find_card(root)
     readable = {frame.file for frame in frames}
     return Scan(
         name=safe_name(root.name),
         source=f"cold:{root}",
         root=root,
         frames=tuple(frames),
-        camera=Camera("omnidirectional", card.mirror if card else None),
+        camera=Camera("omnidirectional", known.mirror if known else None),
         faults=tuple(faults + label_faults),
         remarks=tuple(remarks),
         unnamed=tuple(root / OMNI_FOLDER / n for n in names if has_image_suffix(n) and n not in readable),
-        card=card.name if card else None,
+        card=known.name if known else None,
         card_sequence=card_sequence,
+    )
+
+
+def scan_rendered(light: str) -> Scan:
+    """Read the built-in building in `light` (empty: the first of `LIGHTS`), rendering it into the cache if need be.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such light.
+    """
+    from omnieval.datasets.synthetic import LIGHTS, cached
+
+    chosen = light or LIGHTS[0]
+    if chosen not in LIGHTS:
+        raise DatasetError(f"no light '{shown(light)}' in synthetic:{shown(light)}; {did_you_mean(light, LIGHTS)}")
+    return replace(
+        scan_cold(cached(chosen)),
+        name=f"synthetic-{chosen}",
+        source=f"synthetic:{chosen}",
+        camera=Camera("omnidirectional", card(SYNTHETIC).mirror),
+        card=SYNTHETIC,
+        card_sequence=chosen,
     )
 
 
@@ -233,13 +194,22 @@ def _read_places(root: Path) -> tuple[dict[str, str] | None, list[Finding]]:
     if not path.exists():
         return None, []
     try:
-        text = _read_text(path)
+        text = read_text(path)
     except DatasetError as error:
         return None, [Finding("error", "unreadable-labels", PLACES_FILE, str(error))]
-    return _scan_places(text)
+    return scan_places(text)
 
 
-def _scan_places(text: str) -> tuple[dict[str, str], list[Finding]]:
+def scan_places(text: str) -> tuple[dict[str, str], list[Finding]]:
+    r"""Return the room of every image that a ``places.lst`` names, in its order, and what is wrong with its lines.
+
+    The room is the ``<ROOM>`` of ``<ROOM>-<PART>``, or the whole label where there is no part.
+
+    Examples
+    --------
+    >>> scan_places("t1.000000_x0.000000_y0.000000_a0.000000.jpeg 2PO1-A\n")
+    ({'t1.000000_x0.000000_y0.000000_a0.000000.jpeg': '2PO1'}, [])
+    """
     labels: dict[str, str] = {}
     rooms: dict[str, str] = {}
     faults: list[Finding] = []
@@ -258,23 +228,6 @@ def _scan_places(text: str) -> tuple[dict[str, str], list[Finding]]:
         else:
             rooms[fields[0]] = match["room"]
     return rooms, faults
-
-
-def _order_remarks(frames: list[Frame]) -> list[Finding]:
-    return [
-        Finding("error", "duplicate-time", f"{OMNI_FOLDER}/{b.file}", f"taken at the same time as {a.file}; keep one")
-        for a, b in pairwise(frames)
-        if a.time_ns == b.time_ns
-    ]
-
-
-def _pose_remarks(frames: list[Frame]) -> list[Finding]:
-    remarks = [
-        pose_remark(frame.pose, f"{OMNI_FOLDER}/{frame.file}", largest_yaw=_YAW_LIMIT)
-        for frame in frames
-        if frame.pose is not None
-    ]
-    return [remark for remark in remarks if remark is not None]
 
 
 def _stray_remarks(names: list[str]) -> list[Finding]:
@@ -298,35 +251,3 @@ def _label_remarks(names: list[str], frames: list[Frame], rooms: dict[str, str])
         if frame.room is None
     ]
     return missing + unlabelled
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = "not UTF-8 text" if isinstance(error, ValueError) else (error.strerror or str(error))
-        raise DatasetError(f"cannot read {shown(str(path))}: {reason}") from error
-
-
-def _odometry_row(columns: list[str]) -> tuple[int, float, float, float] | None:
-    if len(columns) < 12 or not (columns[3].isascii() and columns[4].isascii()):
-        return None
-    if not (columns[3].isdigit() and columns[4].isdigit()):
-        return None
-    time_ns = _nanoseconds(columns[3], columns[4])
-    try:
-        x, y, theta = float(columns[8]), float(columns[9]), float(columns[11])
-    except ValueError:
-        return None
-    if time_ns is None or not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
-        return None
-    return time_ns, x, y, theta
-
-
-def _nanoseconds(seconds: str, microseconds: str) -> int | None:
-    """Return the time in nanoseconds, None if it does not fit 64 bits. Integers keep every digit."""
-    significant, micros = seconds.lstrip("0") or "0", microseconds.lstrip("0") or "0"
-    if len(significant) > 10 or len(micros) > 6:
-        return None
-    time_ns = int(significant) * _SECOND + int(micros) * _MICROSECOND
-    return time_ns if time_ns <= _LARGEST_TIME else None

@@ -1,8 +1,7 @@
-"""Is an image file whole? Decoders pad a truncated image silently, so the end is looked for in the bytes.
+"""Image files: whether they are whole, how large they are, and their pixels.
 
-A JPEG or BMP whose middle has been overwritten decodes, with a part of the picture wrong: nothing in these formats
-guards the pixels, and what the JPEG decoder notices it prints and does not hand on. What the bytes of a JPEG tell is
-looked for (`datasets.jpeg`). A PNG guards its pixels by checksums.
+Decoders pad a truncated image silently, so the end is looked for in the bytes. A PNG guards its pixels by checksums;
+of a JPEG its bytes and its decoder tell something (`datasets.jpeg`), of a BMP nothing does.
 """
 
 from __future__ import annotations
@@ -17,8 +16,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 from cv2.typing import MatLike
+from numpy.typing import NDArray
 
 from omnieval.datasets import jpeg
+from omnieval.errors import DatasetError
 
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
@@ -27,6 +28,14 @@ _BMP_HEADER = 40
 """Bytes of the header from which on sizes take four bytes each."""
 _PNG_ANCILLARY = 0x20
 """Bit of the first letter of a PNG chunk that can be done without; decoders pass over a damaged one."""
+
+
+class BadImageError(DatasetError):
+    """An image file that is not fit for use; its message begins where the file's name ends."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +49,15 @@ class ImageReport:
 
 def inspect_image(path: Path) -> ImageReport:
     """Read and decode the image at `path`, and report its size or its fault."""
-    data = _whole(path)
-    return data if isinstance(data, ImageReport) else _decoded_report(data)
+    return _report(path, decoding=True)
 
 
 def examine_image(path: Path) -> ImageReport:
-    """Read the image at `path` and report its size or its fault, without decoding it if its header is understood.
+    """Read the image at `path` and report its size or its fault, decoding it only where its bytes leave a doubt.
 
     Finds what `inspect_image` finds, except what only a decoder notices, in a tenth of the time.
     """
-    data = _whole(path)
-    if isinstance(data, ImageReport):
-        return data
-    size = header_size(data)
-    return _decoded_report(data) if size is None else ImageReport(size=size)
+    return _report(path, decoding=False)
 
 
 def usual_size(reports: Iterable[ImageReport]) -> tuple[int, int] | None:
@@ -67,6 +71,31 @@ def wrong_size(size: tuple[int, int], usual: tuple[int, int]) -> str:
     return f"is {size[0]} x {size[1]} pixels, most are {usual[0]} x {usual[1]}; all must have one size"
 
 
+def decoded(data: bytes, *, colour: bool = False) -> NDArray[np.uint8]:
+    """Return the pixels of an image file: grey levels, shape (height, width), or BGR, shape (height, width, 3).
+
+    Raises
+    ------
+    BadImageError
+        If it is empty, truncated, damaged or not an image.
+    """
+    _refuse_broken(data)
+    image: MatLike | None = None
+    try:
+        if data.startswith(jpeg.START):
+            image = jpeg.pixels(data, colour=colour)
+        if image is None:
+            flags = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    except ValueError as error:
+        raise _damaged("a part of it was overwritten") from error
+    except cv2.error:  # what one release of OpenCV answers with None, another raises
+        image = None
+    if image is None:
+        raise BadImageError("not-an-image", "is not an image; copy it again or remove it")
+    return image.astype(np.uint8, copy=False)
+
+
 def is_truncated(data: bytes) -> bool:
     """Tell whether the JPEG, PNG or BMP in `data` lacks its end; False for other formats."""
     if data.startswith(jpeg.START):
@@ -76,28 +105,6 @@ def is_truncated(data: bytes) -> bool:
     if data.startswith(_BMP_START):
         return len(data) < int.from_bytes(data[2:6], "little")
     return False
-
-
-def damage(data: bytes) -> str | None:
-    """Say what is wrong in the middle of the JPEG or PNG in `data`; None if nothing is seen, and for other formats."""
-    if data.startswith(jpeg.START) and jpeg.is_overwritten(data):
-        return "a part of it was overwritten"
-    if data.startswith(_PNG_START) and _has_wrong_checksum(data):
-        return "a checksum is wrong"
-    return None
-
-
-def _has_wrong_checksum(data: bytes) -> bool:
-    view, position = memoryview(data), len(_PNG_START)
-    while position + 12 <= len(data):
-        end = position + 8 + int.from_bytes(data[position : position + 4], "big")
-        needed = not data[position + 4] & _PNG_ANCILLARY
-        if needed and zlib.crc32(view[position + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
-            return True
-        if data.startswith(b"IEND", position + 4):
-            return False
-        position = end + 4
-    return True
 
 
 def header_size(data: bytes) -> tuple[int, int] | None:
@@ -113,28 +120,55 @@ def header_size(data: bytes) -> tuple[int, int] | None:
     return (width, abs(height)) if width > 0 and height else None
 
 
-def _whole(path: Path) -> bytes | ImageReport:
-    """Return the bytes at `path`, or what is wrong with them as bytes."""
+def _report(path: Path, *, decoding: bool) -> ImageReport:
+    try:
+        data = _bytes_of(path)
+        _refuse_broken(data)
+        if data.startswith(jpeg.START) and jpeg.is_overwritten(data):
+            raise _damaged("a part of it was overwritten")
+        size = None if decoding else header_size(data)
+        if size is None:
+            height, width = decoded(data).shape
+            size = width, height
+    except BadImageError as bad:
+        return ImageReport(code=bad.code, message=str(bad))
+    return ImageReport(size=size)
+
+
+def _bytes_of(path: Path) -> bytes:
     try:
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():  # a pipe would never end
-            return ImageReport(code="unreadable-image", message="is not a file; remove it")
-        data = path.read_bytes()
+            raise BadImageError("unreadable-image", "is not a file; remove it")
+        return path.read_bytes()
     except OSError as error:
-        return ImageReport(code="unreadable-image", message=f"cannot be read: {error.strerror or error}")
+        raise BadImageError("unreadable-image", f"cannot be read: {error.strerror or error}") from error
+
+
+def _refuse_broken(data: bytes) -> None:
+    """Refuse what the decoder would pad in silence, or complain of on the terminal."""
     if not data:
-        return ImageReport(code="empty-image", message="has no bytes; copy it again")
+        raise BadImageError("empty-image", "has no bytes; copy it again")
     if is_truncated(data):
-        return ImageReport(code="truncated-image", message=f"ends early, after {len(data)} bytes; copy it again")
-    if wrong := damage(data):
-        return ImageReport(code="damaged-image", message=f"is damaged: {wrong}; copy it again")
-    return data
+        raise BadImageError("truncated-image", f"ends early, after {len(data)} bytes; copy it again")
+    if _has_wrong_checksum(data):
+        raise _damaged("a checksum is wrong")
 
 
-def _decoded_report(data: bytes) -> ImageReport:
-    try:
-        pixels: MatLike | None = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # what one release of OpenCV answers with None, another raises
-        pixels = None
-    if pixels is None:
-        return ImageReport(code="not-an-image", message="is not an image; copy it again or remove it")
-    return ImageReport(size=(int(pixels.shape[1]), int(pixels.shape[0])))
+def _damaged(why: str) -> BadImageError:
+    return BadImageError("damaged-image", f"is damaged: {why}; copy it again")
+
+
+def _has_wrong_checksum(data: bytes) -> bool:
+    """Tell whether a chunk that the pixels need has a wrong checksum, if `data` is a PNG."""
+    if not data.startswith(_PNG_START):
+        return False
+    view, position = memoryview(data), len(_PNG_START)
+    while position + 12 <= len(data):
+        end = position + 8 + int.from_bytes(data[position : position + 4], "big")
+        needed = not data[position + 4] & _PNG_ANCILLARY
+        if needed and zlib.crc32(view[position + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            return True
+        if data.startswith(b"IEND", position + 4):
+            return False
+        position = end + 4
+    return True

@@ -25,9 +25,9 @@ from omnieval.wording import did_you_mean, safe_name, shown
 DEFAULT_SOURCE = "synthetic"
 
 _SCANNERS = {
-    "synthetic": "omnieval.datasets.rendered:scan_rendered",
+    "synthetic": "omnieval.datasets.cold:scan_rendered",
     "cold": "omnieval.datasets.cold:scan_cold",
-    "innova": "omnieval.datasets.innova:scan_innova",
+    "innova": "omnieval.datasets.folder:scan_innova",
     "folder": "omnieval.datasets.folder:scan_folder",
 }
 """Reader of each scheme, by its place, so that a reader is imported only when it is used."""
@@ -86,9 +86,9 @@ def _scanner(scheme: str) -> Callable[[str], Scan]:
 
 
 def _scan_bare(path: str) -> Scan:
-    """Recognise a folder by its content: ``omni_cam`` is COLD, a card of its own INNOVA, images a folder of images."""
+    """Recognise a folder by its content: ``omni_cam`` is COLD, ``innova.toml`` INNOVA, images or a card a folder."""
     from omnieval.datasets.cold import is_cold
-    from omnieval.datasets.innova import is_innova
+    from omnieval.datasets.folder import INNOVA_CARD, OWN_CARD
 
     if not path:
         raise DatasetError(f"the source is empty; {did_you_mean('', _SCANNERS)}")
@@ -98,9 +98,10 @@ def _scan_bare(path: str) -> Scan:
     if fault is None:
         if is_cold(root):
             return _scanner("cold")(path)
-        if is_innova(root):
+        names = visible_names(root)
+        if INNOVA_CARD in names:
             return _scanner("innova")(path)
-        if any(has_image_suffix(name) for name in visible_names(root)):
+        if OWN_CARD in names or any(map(has_image_suffix, names)):
             return _scanner("folder")(path)
         message = "neither an omni_cam folder (COLD) nor images (png, jpg, jpeg, bmp) in it; name a sequence folder"
         fault = Finding("error", "not-a-sequence", ROOT, message)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -162,21 +163,43 @@ def visible_names(folder: Path) -> list[str]:
         return []
 
 
+def read_text(path: Path) -> str:
+    """Return the text in `path`.
+
+    Raises
+    ------
+    DatasetError
+        If it cannot be read; the message does not name the file.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except ValueError as error:
+        raise DatasetError("not UTF-8 text; save it as UTF-8") from error
+    except OSError as error:
+        raise DatasetError(f"cannot be read: {error.strerror or error}") from error
+
+
 def has_image_suffix(name: str) -> bool:
     """Tell whether `name` ends like an image file, in upper or lower case."""
     return name.casefold().endswith(IMAGE_SUFFIXES)
 
 
-def pose_remark(pose: Pose, where: str, *, largest_yaw: float) -> Finding | None:
-    """Return what is odd about `pose`, None if nothing is. Yaws up to `largest_yaw` radians are expected."""
-    if not (math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.yaw)):
-        return Finding("error", "bad-pose", where, "the pose is not finite; correct or remove it")
-    if max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
-        return Finding("error", "bad-pose", where, f"({pose.x:g}, {pose.y:g}) is no position in metres; correct it")
-    if abs(pose.yaw) > largest_yaw:
-        message = f"yaw {pose.yaw:g} is beyond {largest_yaw:.6g}; expected radians"
-        return Finding("warning", "yaw-out-of-range", where, message)
-    return None
+def pose_remarks(poses: Iterable[tuple[str, Pose | None]], *, largest_yaw: float) -> list[Finding]:
+    """Return what is odd about poses and the places they were found at; up to `largest_yaw` radians are expected."""
+    remarks: list[Finding] = []
+    for where, pose in poses:
+        if pose is None:
+            continue
+        if not (math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.yaw)):
+            message = "the pose is not finite; correct or remove it"
+            remarks.append(Finding("error", "bad-pose", where, message))
+        elif max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
+            message = f"({pose.x:g}, {pose.y:g}) is no position in metres; correct it"
+            remarks.append(Finding("error", "bad-pose", where, message))
+        elif abs(pose.yaw) > largest_yaw:
+            message = f"yaw {pose.yaw:g} is beyond {largest_yaw:.6g}; expected radians"
+            remarks.append(Finding("warning", "yaw-out-of-range", where, message))
+    return remarks
 
 
 def name_faults(names: list[str]) -> list[Finding]:
@@ -189,15 +212,18 @@ def name_faults(names: list[str]) -> list[Finding]:
     ]
 
 
-def time_remarks(frames: tuple[Frame, ...]) -> list[Finding]:
-    """Return a finding wherever the order of names and that of times disagree, over the frames that have a time."""
+def time_remarks(frames: Iterable[Frame], *, below: str = "") -> list[Finding]:
+    """Return a finding wherever the order of frames and that of times disagree, over the frames that have a time.
+
+    `below` is put before the frames' files.
+    """
     remarks: list[Finding] = []
     timed = [(frame.file, frame.time_ns) for frame in frames if frame.time_ns is not None]
     for (earlier, before), (later, after) in pairwise(timed):
         if after == before:
             message = f"taken at the same time as {shown(earlier)}; keep one"
-            remarks.append(Finding("error", "duplicate-time", shown(later), message))
+            remarks.append(Finding("error", "duplicate-time", f"{below}{shown(later)}", message))
         elif after < before:
             message = f"comes after {shown(earlier)} by name, but was taken before it; rename the files or correct time"
-            remarks.append(Finding("error", "backward-time", shown(later), message))
+            remarks.append(Finding("error", "backward-time", f"{below}{shown(later)}", message))
     return remarks

@@ -13,8 +13,27 @@ from typing import Any
 
 from omnieval.datasets.sequence import Frame
 
-_LIBRARIES = ("numpy", "scipy", "scikit-learn", "opencv-python-headless", "polars", "pydantic", "rerun-sdk")
-_DECIDING = ("datasets/sequence.py", "imaging", "descriptors", "mapping", "baselines", "metrics", "seeding.py")
+_LIBRARIES = (
+    "numpy",
+    "scipy",
+    "scikit-learn",
+    "opencv-python-headless",
+    "simplejpeg",
+    "polars",
+    "pydantic",
+    "rerun-sdk",
+)
+_DECIDING = (
+    "datasets/sequence.py",
+    "datasets/images.py",
+    "datasets/jpeg.py",
+    "imaging",
+    "descriptors",
+    "mapping",
+    "baselines",
+    "metrics",
+    "seeding.py",
+)
 """The parts of the package that a result can depend on."""
 
 

@@ -65,7 +65,7 @@ class Run:
 
     def __repr__(self) -> str:
         numbers = {"frame": self.manifest.get("frames"), "node": self.metrics.get("nodes")}
-        facts = [self.status, *(counted(int(number), name) for name, number in numbers.items() if number is not None)]
+        facts = [self.status, *(counted(number, name) for name, number in numbers.items() if isinstance(number, int))]
         return f"Run({self.folder}: {', '.join(facts)})"
 
     @property
@@ -133,9 +133,9 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        from omnieval.results.summary import run_html
+        from omnieval.results.summary import run_html  # with what only a notebook needs
 
-        return run_html(self)
+        return run_html(self.folder, self.manifest, self.steps)
 
     @property
     def recording(self) -> Path:

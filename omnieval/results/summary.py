@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import polars as pl
 from omnieval.imaging.soundness import BadImage, in_words
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.palette import node_color
-from omnieval.results.run_folder import Run
+from omnieval.results.manifest import status_of
 from omnieval.text_table import markdown
 from omnieval.wording import shown
 
@@ -19,13 +20,12 @@ _MAP_WIDTH, _MAP_HEIGHT, _MAP_BORDER = 320, 200, 4
 """Of the picture of a map, pixels at most."""
 
 
-def summary_fields(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield (name, value) pairs that say what a run came to."""
-    manifest, metrics = run.manifest, run.metrics
-    timings = manifest["timings"]
+def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield (name, value) pairs that say what a complete run came to."""
+    metrics, timings = manifest["metrics"], manifest["timings"]
     yield "source", shown(manifest["source"])
     yield "frames", f"{manifest['frames']} in {timings['seconds']:.1f} s ({timings['frames_per_second']:.0f} frames/s)"
-    if skipped := skipped_images(run):
+    if skipped := skipped_images(manifest):
         yield "skipped", skipped
     yield "nodes", f"{metrics['nodes']}"
     reasons = manifest["null_reasons"]
@@ -47,12 +47,12 @@ def summary_fields(run: Run) -> Iterator[tuple[str, str]]:
         yield "smallest margin", f"{margin['value']:.2g} at frame {margin['frame']} ({margin['gate']})"
 
 
-def skipped_images(run: Run) -> str | None:
+def skipped_images(manifest: Mapping[str, Any]) -> str | None:
     """Return how many images a run left out because they were bad, and which; None if it left out none."""
-    skipped = run.manifest.get("skipped")
+    skipped = manifest.get("skipped")
     if not skipped:
         return None
-    return in_words([BadImage(**bad) for bad in skipped], run.manifest["frames"] + len(skipped))
+    return in_words([BadImage(**bad) for bad in skipped], manifest["frames"] + len(skipped))
 
 
 def _value(value: float | int | None, reason: str | None) -> str:
@@ -72,25 +72,25 @@ def metrics_page(evaluation: Evaluation) -> str:
     return f"\n## Metrics\n\n{markdown(('metric', 'value'), rows)}\n"
 
 
-def run_html(run: Run) -> str:
+def run_html(folder: Path, manifest: dict[str, Any], steps: pl.DataFrame) -> str:
     """Return a run as a notebook shows it: its summary, where the nodes are, and links to its files."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("omnieval.results"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    config = run.config
-    width, height, points = _map_points(run.steps)
+    status = status_of(manifest)
+    width, height, points = _map_points(steps)
     return environment.get_template("run.html.j2").render(
-        folder=str(run.folder),
-        status=run.status,
-        mapper=config.mapper.name,
-        descriptor=config.descriptor.name,
-        fields=list(summary_fields(run)) if run.status == "complete" else [],
+        folder=str(folder),
+        status=status,
+        mapper=manifest["mapper"]["name"],
+        descriptor=manifest["descriptor"]["name"],
+        fields=list(summary_fields(manifest)) if status == "complete" else [],
         width=width,
         height=height,
         points=points,
-        files=[(path.name, path.as_posix()) for path in sorted(run.folder.iterdir()) if path.is_file()],
+        files=[(path.name, path.as_posix()) for path in sorted(folder.iterdir()) if path.is_file()],
     )
 
 

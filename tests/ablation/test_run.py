@@ -14,6 +14,8 @@ from omnieval.ablation.summary import best_and_median
 from omnieval.config import Setting
 from omnieval.errors import ConfigError, ResultError
 from omnieval.metrics.evaluation import METRICS
+from omnieval.report.evidence import position_descriptors
+from omnieval.report.sources import open_sources
 from omnieval.results.manifest import read_manifest
 from omnieval.results.run_folder import open_run
 from omnieval.results.schemas import ablation_schema
@@ -256,3 +258,46 @@ def test_an_ablation_written_anew_has_no_best_run_or_report_of_before(small, pan
     run_plan(plan, out=small, overwrite=True)
     left = sorted(path.relative_to(small).as_posix() for path in small.rglob("*") if path.is_file())
     assert left == ["ablation.parquet", "best/notes.txt", "parts/00000.json", "run.json"]
+
+
+def test_descriptors_of_an_archive_are_those_of_no_component(panoramas, tmp_path):
+    archive = tmp_path / "three.npz"
+    omnieval.describe_archive(panoramas, archive)
+    out = tmp_path / "out"
+    table = omnieval.ablate([panoramas, archive], {"omega": [2.5, 3.5]}, settings=BASE, out=out, keep_steps=True)
+    assert table["descriptor"].to_list() == ["hog", "hog", "archive", "archive"]
+    assert table["hog.bins"].to_list() == [16, 16, None, None]
+    assert table["silhouette"].to_list()[:2] == table["silhouette"].to_list()[2:]
+    run = omnieval.replay(archive, config=BASE, omega=2.5, out=tmp_path / "run")
+    assert run.metrics["silhouette"] == table["silhouette"][2]
+    alone = omnieval.ablate(archive, {"omega": [2.5]}, settings=BASE, out=tmp_path / "alone", record_best=True)
+    assert alone["descriptor"].to_list() == ["archive"]
+    assert open_run(tmp_path / "alone" / "best").manifest["descriptor"]["name"] == "archive"
+    with pytest.raises(ConfigError, match="leave the descriptor out"):
+        omnieval.ablate(archive, descriptor="hog,gist", settings=BASE, out=tmp_path / "refused")
+    (sweep,) = open_sources([out]).sweeps
+    assert len(sweep.replays) == 2
+    assert all(len(position_descriptors(one)) == 80 for one in sweep.replays)
+
+
+@pytest.mark.parametrize("axes", [{"mapper": "roman2020,leader"}, {"mapper": ["leader", "roman2020"]}])
+def test_components_are_axes_and_a_parameter_is_that_of_one(panoramas, tmp_path, axes):
+    vary = {"omega": [2.5, 3.5], "radius": [2, 4, 6]}
+    table = omnieval.ablate(panoramas, vary, **axes, descriptor="hog,gist", settings=BASE, out=tmp_path / "out")
+    rows = set(table.select("mapper", "descriptor", "omega", "radius").iter_rows())
+    assert len(rows) == len(table) == 10
+    assert rows == {
+        *(("roman2020", one, omega, None) for one in ("hog", "gist") for omega in (2.5, 3.5)),
+        *(("leader", one, None, radius) for one in ("hog", "gist") for radius in (2, 4, 6)),
+    }
+    leader = omnieval.replay(panoramas, mapper="leader", descriptor="gist", radius=4, out=tmp_path / "run")
+    (row,) = table.filter(mapper="leader", descriptor="gist", radius=4).iter_rows(named=True)
+    assert {name: row[name] for name in METRICS} == leader.metrics
+
+
+def test_too_many_images_for_batch_clustering_cost_no_row(ablation, panoramas, tmp_path, monkeypatch):
+    monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 10)
+    found = run_plan(plan_of(panoramas), out=tmp_path / "out")
+    assert "80 images" in (found.lacking or "")
+    assert found.table.drop("seconds", "batch_silhouette").equals(ablation.table.drop("seconds", "batch_silhouette"))
+    assert read_manifest(tmp_path / "out", "ablation")["status"] == "complete"

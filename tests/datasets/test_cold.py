@@ -1,4 +1,4 @@
-"""The COLD reader: names, labels, odometry, folders."""
+"""The COLD reader: names, labels, folders."""
 
 from __future__ import annotations
 
@@ -12,11 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnieval.datasets import Camera, Pose
-from omnieval.datasets.cold import format_name, parse_name, parse_places, read_cold, read_odometry
+from omnieval.datasets.cold import format_name, parse_name, scan_cold, scan_places
 from omnieval.errors import DatasetError
 from tests.datasets.trees import START_NS, cold_names, make_cold
 
 NAME = "t1152904768.652404_x-1.511887_y1.036311_a1.348328.jpeg"
+
+
+def read_cold(path):
+    return scan_cold(path).sequence()
+
+
 MICROMETRES = st.integers(-(10**12), 10**12)
 
 
@@ -91,31 +97,26 @@ class TestPlaces:
         [("CR-A", "CR"), ("2PO1-B", "2PO1"), ("LR", "LR"), ("A-B-C", "A-B"), ("küche-A", "küche")],
     )
     def test_the_room_stands_before_the_part(self, label, room):
-        assert parse_places(f"{NAME} {label}\n") == {NAME: room}
+        assert scan_places(f"{NAME} {label}\n") == ({NAME: room}, [])
 
     def test_order_is_kept_and_blank_lines_and_line_ends_do_not_matter(self):
-        assert list(parse_places("b.jpeg CR-A\r\n\r\na.jpeg\tKT-A  \n").items()) == [("b.jpeg", "CR"), ("a.jpeg", "KT")]
+        rooms, _ = scan_places("b.jpeg CR-A\r\n\r\na.jpeg\tKT-A  \n")
+        assert list(rooms.items()) == [("b.jpeg", "CR"), ("a.jpeg", "KT")]
 
     @pytest.mark.parametrize("line", ["a.jpeg", "a.jpeg CR A", "a.jpeg -A", "a.jpeg -"])
     def test_other_lines_are_refused_by_number(self, line):
-        with pytest.raises(DatasetError, match=r"places\.lst:2: "):
-            parse_places(f"x.jpeg CR-A\n{line}\n")
+        rooms, (fault,) = scan_places(f"x.jpeg CR-A\n{line}\n")
+        assert (rooms, fault.where) == ({"x.jpeg": "CR"}, "localization/places.lst:2")
 
     def test_two_labels_for_one_image_are_refused(self):
-        with pytest.raises(DatasetError, match="CR-A and KT-A"):
-            parse_places("a.jpeg CR-A\na.jpeg KT-A\n")
-
-    def test_the_refusal_counts_the_other_faults(self):
-        with pytest.raises(DatasetError, match="and 2 more"):
-            parse_places("x\ny\nz\n")
+        _, (fault,) = scan_places("a.jpeg CR-A\na.jpeg KT-A\n")
+        assert "CR-A and KT-A" in fault.message
 
     @given(st.text())
-    def test_only_dataset_errors_come_out(self, text):
-        try:
-            rooms = parse_places(text)
-        except DatasetError:
-            return
+    def test_any_text_is_rooms_or_findings(self, text):
+        rooms, faults = scan_places(text)
         assert all(file and room for file, room in rooms.items())
+        assert all(fault.message.isprintable() for fault in faults)
 
     word = st.text(st.characters(exclude_categories=("Z", "C")), min_size=1)
     code = st.text(st.characters(categories=("L", "N")), min_size=1)
@@ -123,40 +124,7 @@ class TestPlaces:
     @given(st.dictionaries(word, st.tuples(code, code)))
     def test_parsing_undoes_formatting(self, labels):
         text = "".join(f"{file} {room}-{part}\n" for file, (room, part) in labels.items())
-        assert parse_places(text) == {file: room for file, (room, _) in labels.items()}
-
-
-class TestOdometry:
-    LINE = "0 1 2 1152904768 652404 5 6 7 1.5 -2.5 10 0.25\n"
-
-    def test_time_and_pose_are_read_from_their_columns(self, tmp_path):
-        path = tmp_path / "odom.tdf"
-        path.write_text(self.LINE + "\n" + self.LINE.replace("652404", "4"))
-        odometry = read_odometry(path)
-        assert odometry["time_ns"].tolist() == [START_NS, 1152904768000004000]
-        assert [odometry[name].tolist() for name in ("x", "y", "theta")] == [[1.5] * 2, [-2.5] * 2, [0.25] * 2]
-
-    def test_an_empty_file_has_no_rows(self, tmp_path):
-        path = tmp_path / "odom.tdf"
-        path.write_text("")
-        assert read_odometry(path).shape == (0,)
-        assert np.issubdtype(read_odometry(path).dtype["time_ns"], np.int64)
-
-    @pytest.mark.parametrize(
-        ("old", "new"), [("0.25", ""), ("1.5", "1,5"), ("1.5", "nan"), ("652404", "6.5"), ("1152904768", "9" * 5000)]
-    )
-    def test_a_bad_line_is_refused_by_number(self, tmp_path, old, new):
-        path = tmp_path / "odom.tdf"
-        path.write_text(self.LINE + self.LINE.replace(old, new))
-        with pytest.raises(DatasetError, match=r"odom\.tdf:2: "):
-            read_odometry(path)
-
-    def test_a_missing_or_binary_file_is_refused(self, tmp_path):
-        with pytest.raises(DatasetError, match="No such file"):
-            read_odometry(tmp_path / "odom.tdf")
-        (tmp_path / "odom.tdf").write_bytes(b"\xff\xfe\x00\x80")
-        with pytest.raises(DatasetError, match="UTF-8"):
-            read_odometry(tmp_path / "odom.tdf")
+        assert scan_places(text) == ({file: room for file, (room, _) in labels.items()}, [])
 
 
 class TestFolders:

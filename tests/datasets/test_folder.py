@@ -9,10 +9,16 @@ import sys
 import numpy as np
 import pytest
 
-from omnieval.datasets import Camera, Mirror
-from omnieval.datasets.folder import natural_key, read_folder
+from omnieval.datasets import Camera, Mirror, load
+from omnieval.datasets.check import check
+from omnieval.datasets.folder import natural_key, scan_folder
 from omnieval.errors import DatasetError
-from tests.datasets.trees import make_folder
+from tests.datasets.innova_trees import make_innova
+from tests.datasets.trees import codes, make_folder
+
+
+def read_folder(path):
+    return scan_folder(path).sequence()
 
 
 def test_natural_order_counts():
@@ -108,3 +114,27 @@ def test_a_name_that_no_table_can_hold_refuses_to_load(tmp_path):
     with pytest.raises(DatasetError, match="not valid Unicode") as caught:
         read_folder(root)
     assert str(caught.value).isprintable()
+
+
+def test_a_card_beside_the_images_says_where_else_the_poses_are(tmp_path):
+    card = (
+        "image_size = [9, 9]\n[layout.ground_truth]\nfile = 'gt.txt'\nlength_unit = 'cm'\ncolumns = ['-', 'y', 'x']\n"
+    )
+    table = "".join(f"{i} {100 * i} 50\n" for i in range(1, 13))
+    root = make_innova(tmp_path / "f", files={"card.toml": card, "gt.txt": table}, images="omni/{}.png")
+    sequence = load(f"folder:{root}")
+    assert (sequence.source, sequence.card) == (f"folder:{root}", "card.toml")
+    assert sequence.positions == pytest.approx(np.array([[0.5, i] for i in range(1, 13)]))
+    assert sequence.yaws is None
+    assert codes(check(sequence.source)) == [("size-differs", ".")]
+
+
+def test_a_table_may_do_without_yaw_and_without_endings(tmp_path):
+    sequence = read_folder(make_folder(tmp_path / "f", ["1.png", "2.png"], "file,x,y\n1,3,4\n2,5,6\n"))
+    assert sequence.positions == pytest.approx(np.array([[3, 4], [5, 6]]))
+    assert sequence.yaws is None
+
+
+def test_an_image_may_be_called_like_a_comment(tmp_path):
+    sequence = read_folder(make_folder(tmp_path / "f", ["#1.png"], "file,x,y,yaw\n#1.png,3,4,0\n,,,\n"))
+    assert sequence.positions == pytest.approx(np.array([[3, 4]]))

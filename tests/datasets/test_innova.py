@@ -15,14 +15,18 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from omnieval.datasets import Camera, Mirror, load
-from omnieval.datasets.cards import all_cards, card, overridden
+from omnieval.datasets.cards import GroundTruth, all_cards, card, overridden
 from omnieval.datasets.check import check
-from omnieval.datasets.ground_truth import scan_ground_truth
-from omnieval.datasets.innova import read_innova, scan_innova
-from omnieval.datasets.layout import GroundTruth
+from omnieval.datasets.folder import scan_innova
+from omnieval.datasets.poses import scan_table
 from omnieval.errors import DatasetError
 from tests.datasets.innova_trees import CAPTURES, make_innova, make_named
 from tests.datasets.trees import codes, cold_names, image_bytes, make_cold
+
+
+def read_innova(path):
+    return scan_innova(path).sequence()
+
 
 NUMBERS = range(1, CAPTURES + 1)
 POSITIONS = np.array([[i / 2, -i / 4] for i in NUMBERS])
@@ -161,6 +165,8 @@ def test_the_card_tells_the_camera(tmp_path, name, own, camera):
 def test_a_folder_with_a_card_of_its_own_is_recognised(tmp_path):
     root = make_named(tmp_path / "s")
     assert load(root).source == f"innova:{root}"
+    (root / "innova.toml").rename(root / "card.toml")
+    assert load(root).source == f"folder:{root}"
     cold = make_cold(tmp_path / "c", cold_names(2))
     (cold / "card.toml").touch()
     assert load(cold).source == f"cold:{cold}"
@@ -188,22 +194,22 @@ class TestCard:
     @pytest.mark.parametrize(
         ("own", "complaint"),
         [
-            ("title = ", "card innova.toml is not valid TOML"),
+            ("title = ", "card innova.toml: not valid TOML"),
             ("a = " + "[" * 5000, "not valid TOML"),
-            ("layuot = 1", "layuot: "),
+            ("layuot = 1", "unknown key 'layuot'; did you mean layout?"),
             ("[layout]\nimages = '../*.png'", "layout.images: "),
             ("[layout]\nimages = '/*.png'", "layout.images: "),
             ("[layout]\nimages = 'a**/b'", "layout.images: "),
-            ("[layout]\nkind = 'mirror'", "layout.kind: "),
+            ("[layout]\nkind = 'mirror'", "layout: unknown kind 'mirror'"),
             ("[layout]\nkind = 'panoramic'\n[mirror]\ncx = 1\ncy = 1\nr_in = 1\nr_out = 2", "have no [mirror]"),
             (truth(file="gt.csv", columns=["x", "yaw"]), "columns has no y"),
             (truth(file="gt.csv", columns=["x", "y", "x"]), "columns names x twice"),
-            (truth(file="gt.csv", columns=["x", "y", "z"]), "layout.ground_truth.columns.2"),
+            (truth(file="gt.csv", columns=["x", "y", "z"]), "layout.ground_truth.columns: unknown columns 'z'"),
             (truth(file="gt.csv", decimal=","), "the same mark"),
             (truth(file="gt.csv", delimiter="xx"), "layout.ground_truth.delimiter"),
             (truth(file="gt.csv", delimiter="e"), "delimiter must be a mark"),
             (truth(file="C:/gt.csv"), "layout.ground_truth.file"),
-            (truth(file="gt.csv", length_unit="km"), "layout.ground_truth.length_unit"),
+            (truth(file="gt.csv", length_unit="km"), "layout.ground_truth: unknown length_unit 'km'"),
             (b"\xff\xfe", "not UTF-8"),
         ],
     )
@@ -338,10 +344,10 @@ TEXTS = st.text(alphabet='0123456789.,;-+e \t\r\n"#%_nai\0é', max_size=80)
 
 @given(truth=TRUTHS, content=st.one_of(TEXTS.map(str.encode), st.binary(max_size=80)))
 def test_any_content_is_rows_or_findings(truth, content):
-    found, faults = scan_ground_truth(content, truth.file, truth)
+    table, faults = scan_table(content, truth.file, truth)
     assert all(fault.severity == "error" and fault.message.isprintable() for fault in faults)
-    assert sum(row.capture is None for row in found) == sum(fault.code == "bad-pose-row" for fault in faults)
-    assert all(row.file for row in found if row.capture is not None and "file" in truth.columns)
+    assert sum(row.capture is None for row in table.rows) == sum(fault.code == "bad-pose-row" for fault in faults)
+    assert all(row.file for row in table.rows if row.capture is not None and "file" in (truth.columns or ()))
 
 
 @given(
@@ -352,7 +358,7 @@ def test_any_content_is_rows_or_findings(truth, content):
 def test_numbers_survive_the_text(poses, decimal, separator):
     lines = ((separator or " ").join(repr(value).replace(".", decimal) for value in pose) for pose in poses)
     truth = GroundTruth(file="gt.txt", delimiter=separator, decimal=decimal)
-    found, faults = scan_ground_truth("\n".join(lines).encode(), "gt.txt", truth)
+    table, faults = scan_table("\n".join(lines).encode(), "gt.txt", truth)
     assert faults == []
-    read = [row.capture.pose for row in found if row.capture is not None and row.capture.pose is not None]
+    read = [row.capture.pose for row in table.rows if row.capture is not None and row.capture.pose is not None]
     assert [(pose.x, pose.y, pose.yaw) for pose in read] == poses

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from omnieval.datasets.images import damage, inspect_image
+from omnieval.datasets.images import BadImageError, decoded, examine_image, inspect_image
 from omnieval.datasets.jpeg import is_overwritten
 
 SIZE = (160, 200)
@@ -56,7 +56,7 @@ def test_no_sound_image_is_taken_for_an_overwritten_one(picture, encoding):
     assert not is_overwritten(data)
     assert not is_overwritten(data + b"\0" * 200)
     assert not is_overwritten(data + data)
-    assert damage(data) is None
+    assert decoded(data).shape == SIZE
 
 
 @pytest.mark.parametrize("encoding", ["plain", "best", "restarting", "full colour"])
@@ -100,3 +100,14 @@ def test_it_is_said_of_the_file(tmp_path):
     report = inspect_image(path)
     assert (report.code, report.size) == ("damaged-image", None)
     assert report.message == "is damaged: a part of it was overwritten; copy it again"
+
+
+def test_what_only_the_decoder_notices_is_found_when_the_image_is_decoded(tmp_path):
+    data = encoded(scene(0), "plain")
+    spoilt = data[: len(data) // 2] + data[len(data) // 2 + 400 :]
+    assert not is_overwritten(spoilt)
+    (tmp_path / "a.jpeg").write_bytes(spoilt)
+    assert examine_image(tmp_path / "a.jpeg").size == (200, 160)
+    assert inspect_image(tmp_path / "a.jpeg").code == "damaged-image"
+    with pytest.raises(BadImageError, match="overwritten"):
+        decoded(spoilt)

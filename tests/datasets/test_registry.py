@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from omnieval.datasets import Camera, load, rendered
+from omnieval.datasets import Camera, load, synthetic
 from omnieval.datasets.cards import card
 from omnieval.datasets.check import check
 from omnieval.errors import DatasetError
@@ -98,7 +98,7 @@ class TestSynthetic:
             root = tmp_path / light / "omnieval"
             return root if root.exists() else make_cold(root, cold_names(3), width=640)
 
-        monkeypatch.setattr(rendered, "cached", cached)
+        monkeypatch.setattr(synthetic, "cached", cached)
         return asked
 
     @pytest.mark.parametrize(

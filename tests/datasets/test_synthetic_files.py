@@ -12,7 +12,7 @@ import pytest
 
 from omnieval.datasets import load
 from omnieval.datasets.cards import card
-from omnieval.datasets.cold import parse_places
+from omnieval.datasets.cold import scan_places
 from omnieval.datasets.sequence import Mirror
 from omnieval.datasets.synthetic import LIGHTS, MIRROR, RENDERER_VERSION, cached, camera, synthesize, write
 from omnieval.datasets.synthetic.building import ROOMS, room_of
@@ -77,7 +77,8 @@ class TestSynthesize:
         assert sequence.rooms[-1] == "1PO"
         assert [frame.path.name for frame in sequence.frames] == list(Drive.of("cloudy", 0, 12).names)
         text = (folder / "localization" / "places.lst").read_text()
-        assert list(parse_places(text)) == sorted(path.name for path in (folder / "omni_cam").iterdir())
+        rooms, _ = scan_places(text)
+        assert list(rooms) == sorted(path.name for path in (folder / "omni_cam").iterdir())
         assert all(line.endswith("-A") for line in text.splitlines())
         image = cv2.imread(str(sequence.frames[0].path))
         assert image is not None

@@ -50,7 +50,7 @@ def test_no_file_of_ours_executes_or_serves_what_it_reads(path):
 
 
 def test_whoever_we_start_or_listen_as_is_bound_to_this_machine():
-    view = next(path for path in SOURCES if path.name == "view.py" and path.parent.name == "recording")
+    view = next(path for path in SOURCES if path.name == "viewer.py" and path.parent.name == "recording")
     assert '_LOOPBACK = "127.0.0.1"' in view.read_text("utf-8")
     launched = 0
     for path in SOURCES:

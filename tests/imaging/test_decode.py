@@ -20,6 +20,16 @@ def test_shapes(suffix):
     assert decode_colour(data, "x").shape == (40, 60, 3)
 
 
+@pytest.mark.parametrize("options", [[], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_OPTIMIZE, 1]])
+def test_pixels_of_a_jpeg_are_those_of_opencv(options):
+    image, _ = encoded(".png")
+    for picture in (image, image[..., 0]):
+        data = cv2.imencode(".jpg", picture, options)[1]
+        grey, colour = (np.asarray(cv2.imdecode(data, flag)) for flag in (cv2.IMREAD_GRAYSCALE, cv2.IMREAD_COLOR))
+        assert np.array_equal(decode_grey(data.tobytes(), "x"), grey)
+        assert np.array_equal(decode_colour(data.tobytes(), "x"), colour)
+
+
 def test_pixels_survive_png():
     image, data = encoded(".png")
     assert np.array_equal(decode_colour(data, "x"), image)
@@ -28,10 +38,10 @@ def test_pixels_survive_png():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "empty"),
+        (b"", "has no bytes"),
         (b"not an image at all", "not an image"),
-        (encoded(".jpeg")[1][:900], "truncated"),
-        (encoded(".png")[1][:30], "truncated"),
+        (encoded(".jpeg")[1][:900], "ends early"),
+        (encoded(".png")[1][:30], "ends early"),
     ],
 )
 def test_what_is_no_image_is_refused_by_name(data, message, capfd):
