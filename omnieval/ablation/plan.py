@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -91,12 +91,12 @@ def make_plan(
     )
 
 
-def _input(source: Source, configs: Iterable[Config], cut: Cut, *, skip_bad: bool) -> Input:
+def _input(source: Source, configs: Sequence[Config], cut: Cut, *, skip_bad: bool) -> Input:
     file = archive_file(source)
     if file is not None:
         for config in configs:
             refuse_descriptor(source, config)
-        with opened(source, replace(config, descriptor=ARCHIVE), cut) as material:
+        with opened(source, configs[0], cut) as material:
             return Input(material.name, material.source, cut, len(material.frames), file)
     sequence = source if isinstance(source, ImageSequence) else load(source)
     sequence = sequence.cut(start=cut.start, stride=cut.stride, limit=cut.limit)

@@ -20,7 +20,6 @@ from omnieval.material import reopened
 from omnieval.metrics.evaluation import METRICS
 from omnieval.report.heatmaps import sweep_figures
 from omnieval.report.sources import open_sources
-from omnieval.results.manifest import read_manifest
 from omnieval.results.run_folder import open_run
 from tests.test_material import TINY
 
@@ -270,16 +269,6 @@ def test_a_descriptor_that_only_this_process_knows_may_be_used_by_many(panoramas
     )
     assert rows["error"].to_list() == [None, None]
     assert rows["descriptor"].to_list() == ["grey", "grey"]
-
-
-def test_too_many_images_for_all_pairs_cost_only_what_stands_beside_the_maps(panoramas, tmp_path, monkeypatch):
-    monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 79)
-    rows = omnieval.ablate(panoramas, {"radius": [1.2, 4.0]}, mapper="leader", out=tmp_path / "out")
-    assert rows["silhouette"].null_count() < 2
-    assert rows["batch_silhouette"].null_count() == 2
-    content = read_manifest(tmp_path / "out", "ablation")
-    assert content["status"] == "complete"
-    assert "80 images are too many" in content["null_reasons"]["batch_silhouette"]
 
 
 def test_the_best_run_knows_what_was_left_out(panoramas, tmp_path):

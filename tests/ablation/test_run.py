@@ -299,5 +299,7 @@ def test_too_many_images_for_batch_clustering_cost_no_row(ablation, panoramas, t
     monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 10)
     found = run_plan(plan_of(panoramas), out=tmp_path / "out")
     assert "80 images" in (found.lacking or "")
+    assert found.table["batch_silhouette"].null_count() == 6
+    assert read_manifest(tmp_path / "out", "ablation")["null_reasons"] == {"batch_silhouette": found.lacking}
     assert found.table.drop("seconds", "batch_silhouette").equals(ablation.table.drop("seconds", "batch_silhouette"))
     assert read_manifest(tmp_path / "out", "ablation")["status"] == "complete"
