@@ -161,11 +161,11 @@ def configurations(
     chosen = [_choice(kind, axes, settings) for kind in COMPONENTS]
     others = [axis for axis in axes if axis.name not in COMPONENTS]
     settings = [setting for setting in settings if setting.name not in COMPONENTS]
-    faults = _clashes(axes, settings, exact)
+    faults: list[str] = []
     pairs = list(itertools.product(*chosen))
     grids = [_Grid(dict(zip(COMPONENTS, pair, strict=True)), others, settings, preset, exact) for pair in pairs]
     for grid in grids:
-        faults += grid.faults(grids)
+        faults += _clashes(axes, settings, exact, grid.components) + grid.faults(grids)
     if faults:
         raise ConfigError("; ".join(dict.fromkeys(faults)))
     return [config for grid in grids for config in grid.points()]
@@ -175,7 +175,12 @@ def value_of(config: Config, name: str) -> Any:
     """Return the value of a parameter, or the name of a component, None if the configuration has none of that name."""
     if name in COMPONENTS:
         return getattr(config, name).name
-    return config.settings.get(full_name(name, *components(config)) or name)
+    return config.settings.get(column_of(config, name) or name)
+
+
+def column_of(config: Config, name: str) -> str | None:
+    """Return the name that the table has for an axis; None if it is no parameter of the configuration."""
+    return name if name in COMPONENTS else full_name(name, *components(config))
 
 
 def components(config: Config) -> tuple[Component, Component | None]:
@@ -290,9 +295,17 @@ def _steps(text: str, origin: str) -> tuple[str, ...]:
     return tuple(f"{beyond(first + number * step, last):f}" for number in range(int(steps + _ROUNDING) + 1))
 
 
-def _clashes(axes: Sequence[Axis], settings: Sequence[Setting], exact: Span | None) -> list[str]:
-    names = [*(axis.name for axis in axes), *([exact.name] if exact else [])]
-    fixed = {setting.name.removeprefix("mapper."): setting.origin for setting in settings}
+def _clashes(
+    axes: Sequence[Axis], settings: Sequence[Setting], exact: Span | None, chosen: Mapping[str, Any]
+) -> list[str]:
+    """Return what is given twice, under whatever names."""
+
+    def full(name: str) -> str:
+        return full_name(name, **chosen) or name
+
+    varied: list[Axis | Span] = [*axes, *([exact] if exact else [])]
+    names = [full(one.name) for one in varied]
+    fixed = {full(setting.name): setting.origin for setting in settings}
     twice = [
         f"{name} is varied twice; give all its values at once" for name in dict.fromkeys(names) if names.count(name) > 1
     ]
@@ -301,7 +314,7 @@ def _clashes(axes: Sequence[Axis], settings: Sequence[Setting], exact: Span | No
         for axis in axes
         if axis.name in COMPONENTS and len(set(map(str, axis.values))) < len(axis.values)
     ]
-    origins = {axis.name: axis.origin for axis in axes} | ({exact.name: exact.origin} if exact else {})
+    origins = {full(one.name): one.origin for one in varied}
     both = [
         f"{name} is both varied ({origin}) and set ({fixed[name]}); drop one"
         for name, origin in origins.items()

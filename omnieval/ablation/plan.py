@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from omnieval.ablation.grid import COMPONENTS, Axis, Span, components, configurations, value_of
+from omnieval.ablation.grid import COMPONENTS, Axis, Span, column_of, components, configurations, value_of
 from omnieval.ablation.jobs import Input, Job
 from omnieval.ablation.store import as_text
 from omnieval.components import Component
@@ -81,7 +81,8 @@ def make_plan(
     if faults:
         raise DatasetError("; ".join(map(str, faults)))
     pairs = [(one, config) for one in inputs for config in _of_input(one, configs)]
-    varied = tuple(axis.name for axis in axes)
+    columns = (column_of(config, axis.name) for axis in axes for _, config in pairs)
+    varied = tuple(dict.fromkeys(column for column in columns if column is not None))
     return Plan(
         tuple(Job(number, one, config, exact) for number, (one, config) in enumerate(pairs)),
         varied,
@@ -135,10 +136,7 @@ def _grid(
         "components": found,
         "axes": {name: [value for value in values if value is not None] for name, values in axes.items()},
         "parameters": {
-            name: value
-            for config in configs
-            for name, value in config.settings.items()
-            if name not in varied and f"mapper.{name}" not in varied
+            name: value for config in configs for name, value in config.settings.items() if name not in varied
         },
         "types": types,
         "exact": [exact.name, exact.first, exact.last] if exact else None,

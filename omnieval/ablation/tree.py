@@ -142,18 +142,18 @@ def _swept(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalM
     """Map with many settings of one mapper, in a tree; yield what each came to, and the seconds it took."""
     mapper = next(iter(of.values())).config.mapper.cls
     settings = {key: job.config.mapper.typed_settings for key, job in of.items()}
-    keys = {one: key for key, one in settings.items()}
+    keys = {id(one): key for key, one in settings.items()}
     sweep = Sweep(mapper, [Points(tuple(settings.values()))])
     before = time.perf_counter()
     for taken in sweep.steps(traces.described.descriptions()):
         milliseconds = 1e3 * (time.perf_counter() - before) / len(taken)
         for points, step in taken:
             for one in points.settings:
-                traces.add(keys[one], one, step, milliseconds)
+                traces.add(keys[id(one)], one, step, milliseconds)
         before = time.perf_counter()
     for outcome in sweep.finish():
         for one in outcome.region.settings:
-            yield keys[one], outcome.final, outcome.seconds
+            yield keys[id(one)], outcome.final, outcome.seconds
 
 
 def _alone(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalMap, float]]:

@@ -1,5 +1,6 @@
 """Ablations over components: each row is that of an independent replay, whatever mapped and described."""
 
+import dataclasses
 import json
 import shutil
 
@@ -7,13 +8,17 @@ import polars as pl
 import pytest
 
 import omnieval
-from omnieval.ablation.grid import parse_axis, parse_span
+from omnieval.ablation.grid import configurations, make_axis, parse_axis, parse_span
 from omnieval.ablation.plan import make_plan
 from omnieval.ablation.run import run_plan
+from omnieval.ablation.summary import best_and_median
+from omnieval.config import Setting
 from omnieval.errors import ConfigError
-from omnieval.mapping.leader import Leader
+from omnieval.mapping.interface import NoSettings
+from omnieval.mapping.leader import Leader, LeaderSettings
 from omnieval.material import reopened
 from omnieval.metrics.evaluation import METRICS
+from omnieval.report.heatmaps import sweep_figures
 from omnieval.report.sources import open_sources
 from omnieval.results.manifest import read_manifest
 from omnieval.results.run_folder import open_run
@@ -169,6 +174,36 @@ def test_an_archive_is_called_what_it_is(panoramas, tmp_path):
         assert len(list(material.described)) == 70
 
 
+@pytest.mark.parametrize(
+    ("name", "column", "values"), [("leader.radius", "radius", [1.2, 4.0]), ("bins", "hog.bins", [8, 16])]
+)
+def test_an_axis_is_known_by_its_column_whatever_it_was_called(panoramas, tmp_path, name, column, values):
+    plan = make_plan([panoramas], [parse_axis("mapper=leader"), make_axis(name, values, "test")])
+    rows = run_plan(plan, out=tmp_path / "out").table
+    assert plan.varied == ("mapper", column)
+    assert rows[column].to_list() == values
+    assert best_and_median(rows, plan.varied)[column][0] in values
+    (sweep,) = open_sources([tmp_path / "out"]).sweeps
+    assert sweep.axes == {"mapper": ["leader"], column: values}
+    assert column not in sweep.fixed
+    assert "sweep-hog" in [block.key for block in sweep_figures(sweep)]
+
+
+@pytest.mark.parametrize(
+    ("axes", "settings", "words"),
+    [
+        (["radius=1,2", "leader.radius=3,4"], {}, "radius is varied twice"),
+        (["bins=8,16", "hog.bins=4"], {}, "hog.bins is varied twice"),
+        (["radius=1,2"], {"leader.radius": 3}, "radius is both varied"),
+        (["descriptor.bins=8"], {"hog.bins": 3}, "hog.bins is both varied"),
+    ],
+)
+def test_one_parameter_under_two_names_is_noticed(axes, settings, words):
+    given = [Setting(name, value, "test") for name, value in settings.items()]
+    with pytest.raises(ConfigError, match=words):
+        configurations([parse_axis("mapper=leader"), *map(parse_axis, axes)], given)
+
+
 @pytest.mark.parametrize(("vary", "descriptor"), [({"radius": [1, 2]}, "hog,gist"), ({"hog.bins": [8, 16]}, None)])
 def test_what_an_archive_cannot_have_is_not_varied(panoramas, tmp_path, vary, descriptor):
     file = tmp_path / "three.npz"
@@ -197,6 +232,32 @@ def test_what_only_this_process_knows_is_not_sent_to_others(panoramas, tmp_path)
     one = omnieval.ablate(panoramas, {"radius": [2, 4]}, mapper=[Own], out=tmp_path / "one")
     same = omnieval.ablate(panoramas, {"radius": [2, 4]}, mapper="leader", out=tmp_path / "same")
     assert one.select(METRICS).equals(same.select(METRICS))
+
+
+class Usual(Leader):
+    """A mapper that could branch, but has nothing to be set."""
+
+    name = "usual"
+    Settings = NoSettings
+    swept = ()
+
+    @property
+    def settings(self):
+        return LeaderSettings()
+
+    @settings.setter
+    def settings(self, value):
+        del value
+
+    def decide(self, frame):
+        return dataclasses.replace(super().decide(frame), comparisons=())
+
+
+def test_a_mapper_without_parameters_is_a_row(panoramas, tmp_path):
+    rows = omnieval.ablate(panoramas, mapper=[Usual, Leader], out=tmp_path / "out", keep_steps=True)
+    assert rows["error"].to_list() == [None, None]
+    usual, leader = rows.select(METRICS).rows()
+    assert usual == leader
 
 
 def test_a_descriptor_that_only_this_process_knows_may_be_used_by_many(panoramas, tmp_path):
