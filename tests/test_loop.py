@@ -20,6 +20,7 @@ from omnieval.render import render
 from omnieval.results.run_folder import RunWriter, open_run
 from omnieval.results.schemas import NODES, TRANSITIONS, steps_schema
 from omnieval.results.tables import read_steps
+from omnieval.wording import counted
 from tests.testing.test_mapper import Slices
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
@@ -203,8 +204,7 @@ def test_components_have_names_and_parameters_are_keywords(panoramas, tmp_path, 
     with pytest.raises(ConfigError, match="omega is a parameter of roman2020, which was not chosen"):
         replay(str(panoramas), mapper="leader", omega=2.0)
     assert "leader on gist" in run._repr_html_().replace("\n", " ")
-    nodes = run.metrics["nodes"]
-    assert repr(run) == f"Run(runs/three-places0-gist-leader: complete, 30 frames, {nodes} nodes)"
+    assert repr(run) == f"Run(runs/three-places0-gist-leader: complete, 30 frames, {counted(run.nodes.height, 'node')})"
 
 
 def test_the_public_names_are_there(capsys):
