@@ -21,6 +21,7 @@ from omnieval.metrics.evaluation import METRICS
 from omnieval.report.heatmaps import sweep_figures
 from omnieval.report.sources import open_sources
 from omnieval.results.run_folder import open_run
+from tests.report.charts import figure_of
 from tests.test_material import TINY
 
 BASE = {"n_init": 10, "n_new": 10, "gamma": 1.0}
@@ -185,7 +186,7 @@ def test_an_axis_is_known_by_its_column_whatever_it_was_called(panoramas, tmp_pa
     (sweep,) = open_sources([tmp_path / "out"]).sweeps
     assert sweep.axes == {"mapper": ["leader"], column: values}
     assert column not in sweep.fixed
-    assert "sweep-hog" in [block.key for block in sweep_figures(sweep)]
+    assert "sweep-hog" in [figure_of(block).key for block in sweep_figures(sweep)]
 
 
 @pytest.mark.parametrize(
@@ -237,8 +238,8 @@ class Usual(Leader):
     """A mapper that could branch, but has nothing to be set."""
 
     name = "usual"
-    Settings = NoSettings
-    swept = ()
+    Settings = NoSettings  # type: ignore[assignment]  # it has none of the parameters of the one it is made from
+    swept = ()  # type: ignore[assignment]
 
     @property
     def settings(self):
