@@ -14,7 +14,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from omnieval.report.figure import Content, Figure, Skipped, Table
-from omnieval.report.published import DOI, PAPER
 from omnieval.text_table import typeset
 from omnieval.wording import ordinal
 
@@ -47,9 +46,7 @@ def page(content: Content, drawn: Mapping[int, Drawn], version: str) -> str:
         Of omnieval.
     """
     template = _environment().get_template("page.html.j2")
-    return template.render(
-        content=content, drawn=lambda figure: drawn[id(figure)], version=version, doi=DOI, paper=PAPER
-    )
+    return template.render(content=content, drawn=lambda figure: drawn[id(figure)], version=version)
 
 
 def _environment() -> Environment:

@@ -61,7 +61,8 @@ PUBLISHED = (
     _published("Freiburg", "gist", "-0.1449", 34, "1.5", "2.3", "0.15"),
 )
 
-_MAPPER = "roman2020"
+MAPPER = "roman2020"
+"""The mapper that is the paper's method."""
 
 _ROUTES = (
     ("cold:", "freiburg", "seq2_cloudy3", "Freiburg"),
@@ -72,7 +73,7 @@ _ROUTES = (
 
 def is_papers(replay: Replay) -> bool:
     """Whether a replay is one of the paper's method, so that its figures correspond to the paper's."""
-    return replay.mapper == _MAPPER
+    return replay.mapper == MAPPER
 
 
 def route_of(source: str) -> str | None:

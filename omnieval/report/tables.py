@@ -10,7 +10,7 @@ import polars as pl
 
 from omnieval.report.batch import SPECTRAL, method_name
 from omnieval.report.figure import Table
-from omnieval.report.published import DOI, PAPER, PUBLISHED, Published, route_of
+from omnieval.report.published import DOI, MAPPER, PAPER, PUBLISHED, Published, is_papers, route_of
 from omnieval.report.sources import GROUP, Baseline, Replay, Sources, Sweep, best_rows
 from omnieval.text_table import Cell
 from omnieval.wording import value_text
@@ -52,7 +52,7 @@ def summary_table(sources: Sources) -> Table:
         "with as many clusters; agreement of nodes and rooms (adjusted Rand index); share of images placed by a loop "
         "closure."
     ]
-    if not sources.sweeps:
+    if not sources.sweeps and any(map(is_papers, sources.replays)):
         notes.append("Figs 9 and 10 and Table 2 of the paper need a sweep: omnieval ablate --preset figures-9-10.")
     if sources.sweeps or sources.baselines:
         notes.append("The best run of a sweep and the best k of a baseline are picked with the ground truth.")
@@ -66,7 +66,7 @@ def summary_table(sources: Sources) -> Table:
 
 
 def best_table(sweep: Sweep) -> Table:
-    """Return the paper's Table 2: best and median of the sweep, beside the published best."""
+    """Return the paper's Table 2: best and median of the sweep; beside the paper's method, the published best."""
     others = [name for name in sweep.axes if name not in {*GROUP, "merge_y", "omega"}]
     blank = [None for _ in others]
     rows: list[tuple[Cell, ...]] = []
@@ -95,6 +95,7 @@ def best_table(sweep: Sweep) -> Table:
         (one.route, one.descriptor, one.silhouette, one.nodes, one.merge_y, one.omega, *blank, None, None, None)
         for one in PUBLISHED
     )
+    papers = any(group[2] == MAPPER for group in medians)
     sources = [str(group[1]) for group in medians]
     return Table(
         "table-2",
@@ -111,13 +112,18 @@ def best_table(sweep: Sweep) -> Table:
             "median nodes",
             "pieces" if sweep.exact else "runs",
         ),
-        (("This sweep", tuple(rows)), (theirs_heading(sources), theirs)),
-        (*((_PICKED_PIECE, _PIECES) if sweep.exact else (_PICKED,)), _relation(sources), _GARBLED),
+        (("This sweep", tuple(rows)), *([(theirs_heading(sources), theirs)] if papers else [])),
+        (
+            *((_PICKED_PIECE, _PIECES) if sweep.exact else (_PICKED,)),
+            *([_relation(sources), _GARBLED] if papers else []),
+        ),
     )
 
 
 def batch_table(sweeps: Sequence[Sweep], replays: Sequence[tuple[Replay, float | None]]) -> Table | None:
     """Return the paper's Table 3: the incremental map against batch clustering with as many clusters.
+
+    The published rows stand beside rows of the paper's method only.
 
     Parameters
     ----------
@@ -131,15 +137,20 @@ def batch_table(sweeps: Sequence[Sweep], replays: Sequence[tuple[Replay, float |
     None if there is no row.
     """
     rows: list[tuple[Cell, ...]] = []
+    mappers: set[str] = set()
     sources: list[str] = []
     for sweep in sweeps:
         for row in best_rows(sweep.table).iter_rows(named=True):
             what = f"best of {sweep.name}"
-            rows.append((row["dataset"], row["descriptor"], what, row["nodes"], *_gain(row, row["batch_silhouette"])))
+            components = f"{row['descriptor']}, {row['mapper']}"
+            rows.append((row["dataset"], components, what, row["nodes"], *_gain(row, row["batch_silhouette"])))
+            mappers.add(row["mapper"])
             sources.append(row["source"])
     for replay, batch in replays:
-        what = replay.title
-        rows.append((replay.dataset, replay.descriptor, what, replay.metrics["nodes"], *_gain(replay.metrics, batch)))
+        components = f"{replay.descriptor}, {replay.mapper}"
+        gain = _gain(replay.metrics, batch)
+        rows.append((replay.dataset, components, replay.title, replay.metrics["nodes"], *gain))
+        mappers.add(replay.mapper)
         sources.append(replay.source)
     if not rows:
         return None
@@ -147,11 +158,19 @@ def batch_table(sweeps: Sequence[Sweep], replays: Sequence[tuple[Replay, float |
     return Table(
         "table-3",
         "Table 3: incremental against batch",
-        ("dataset", "descriptor", "map", "k", "incremental silhouette", f"{SPECTRAL} silhouette", "difference"),
-        (("Here", tuple(rows)), (theirs_heading(sources), theirs)),
+        (
+            "dataset",
+            "descriptor, mapper",
+            "map",
+            "k",
+            "incremental silhouette",
+            f"{SPECTRAL} silhouette",
+            "difference",
+        ),
+        (("Here", tuple(rows)), *([(theirs_heading(sources), theirs)] if MAPPER in mappers else [])),
         (
             "Batch clustering sees all images at once, and is told as many clusters as the map has nodes.",
-            _relation(sources),
+            *([_relation(sources)] if MAPPER in mappers else []),
         ),
     )
 

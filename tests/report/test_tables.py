@@ -6,6 +6,7 @@ from decimal import Decimal
 import polars as pl
 import pytest
 
+import omnieval
 from omnieval.report.build import Order, build, tables
 from omnieval.report.published import DOI
 from omnieval.report.sources import open_sources
@@ -89,3 +90,20 @@ def test_tables_alone_are_those_of_the_page(sources):
     assert replay[5] == expected
     page = tables(build(sources, Order()))
     assert alone == page
+
+
+def test_published_numbers_stand_beside_the_papers_method_only(sources, panoramas, tmp_path):
+    leader = open_sources([omnieval.replay(panoramas, mapper="leader", out=tmp_path / "leader").folder])
+    order = Order(figures=False)
+    alone, both = (
+        tables(build(leader, order)),
+        tables(build(replace(sources, replays=sources.replays + leader.replays), order)),
+    )
+    assert [[name for name, _ in table.groups] for table in alone] == [[""], ["Here"]]
+    assert not any("paper" in note or DOI in note for table in alone for note in table.notes)
+    (third,) = (table for table in both if table.key == "table-3")
+    assert [row[1] for row in third.groups[0][1]] == ["hog, roman2020", "hog, roman2020", "hog, leader"]
+    assert "Published" in third.groups[1][0]
+    omnieval.ablate(panoramas, {"radius": [2, 4]}, mapper="leader", out=tmp_path / "sweep")
+    (sweep,) = open_sources([tmp_path / "sweep"]).sweeps
+    assert [name for name, _ in best_table(sweep).groups] == ["This sweep"]
