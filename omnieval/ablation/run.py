@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import pickle
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
@@ -350,13 +349,11 @@ def _sent(job: Job) -> Job:
 
 def _refuse_mappers_of_this_process(jobs: Iterable[Job]) -> None:
     for mapper in {id(job.config.mapper): job.config.mapper for job in jobs}.values():
-        try:
-            pickle.dumps(mapper)
-        except (pickle.PicklingError, AttributeError, TypeError) as error:
+        if mapper.spec is None:  # nothing names its class to another process
             raise ConfigError(
                 f"--jobs: the mapper {mapper.name} is known in this process only; put its class into a file, or take "
                 "one job"
-            ) from error
+            )
 
 
 def _batch(pool: Executor, described: Described, ks: list[int], seed: int) -> Future[dict[int, float | None]]:
