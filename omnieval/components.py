@@ -13,21 +13,16 @@ for a file) that it imports, directly or not.
 
 from __future__ import annotations
 
-import ast
 import copy
 import dataclasses
 import hashlib
 import importlib
-import importlib.util
 import inspect
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
-from importlib.machinery import FileFinder, ModuleSpec, SourceFileLoader
 from importlib.metadata import entry_points
 from pathlib import Path, PurePath
 from types import CodeType, ModuleType
@@ -36,6 +31,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ValidationError
 
 from omnieval.errors import ConfigError, ResultError
+from omnieval.source_code import digest_of, files_digest, is_loaded_from_file, module_of_file, root_of, sources_of
 from omnieval.wording import did_you_mean, shown
 
 Kind = Literal["descriptor", "mapper"]
@@ -251,7 +247,7 @@ def find_class(kind: Kind, spec: str) -> Any:
     where, _, name = (place or spec).rpartition(":")
     if not where or not name:
         raise ConfigError(f"{kind} {shown(spec)!r}: expected package.module:Class or path/file.py:Class")
-    module = _module_of_file(kind, spec, Path(where)) if where.endswith(".py") else _module(kind, spec, where)
+    module = module_of_file(kind, spec, Path(where)) if where.endswith(".py") else _module(kind, spec, where)
     try:
         found = module
         for part in name.split("."):
@@ -270,12 +266,6 @@ def settings_model(cls: Any) -> type[BaseModel] | None:
     return model if inspect.isclass(model) and issubclass(model, BaseModel) and model.model_fields else None
 
 
-def digest_of(content: Any) -> str:
-    """Return a digest of plain values."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
-
-
 def code_digest(cls: Any) -> str:
     """Return the digest of the source code of a class: of its module, and of what this imports from beside it.
 
@@ -288,8 +278,8 @@ def code_digest(cls: Any) -> str:
     known, specs, digest = _DIGESTS.get(cls.__module__, (None, {}, ""))
     if known is module and all(_spec_in_use(name) is spec for name, spec in specs.items()):
         return digest
-    found = sorted(_closure(Path(file), cls.__module__))
-    digest = files_digest(tuple(found), _root(Path(file), cls.__module__))
+    found = sorted(sources_of(Path(file), cls.__module__))
+    digest = files_digest(tuple(found), root_of(Path(file), cls.__module__))
     files = {str(one) for one in found}
     names = [name for name, one in list(sys.modules.items()) if getattr(one, "__file__", None) in files]
     _DIGESTS[cls.__module__] = module, {name: _spec_in_use(name) for name in names}, digest
@@ -303,21 +293,6 @@ def _spec_in_use(name: str) -> Any:
 
 _DIGESTS: dict[str, tuple[Any, dict[str, Any], str]] = {}
 """By module: the module, the specs of those that its code is in by name, and the digest of that code."""
-
-
-def files_digest(files: tuple[Path, ...], root: Path) -> str:
-    """Return a digest of source files and of their places below `root`."""
-    return digest_of([[file.relative_to(root).as_posix(), file.read_text("utf-8", "replace")] for file in files])
-
-
-@cache
-def module_digest(name: str) -> str:
-    """Return the digest of a module of this package and of those that it imports."""
-    file = importlib.util.find_spec(name)
-    assert file is not None
-    assert file.origin is not None
-    path = Path(file.origin)
-    return files_digest(tuple(sorted(_closure(path, name))), _root(path, name))
 
 
 def plain_settings(given: Any) -> dict[str, Any]:
@@ -450,7 +425,7 @@ def _spec_of(cls: Any) -> str | None:
     file = getattr(module, "__file__", None)
     if file is None:
         return None
-    if cls.__module__ == "__main__" or cls.__module__.startswith(_PREFIX):
+    if cls.__module__ == "__main__" or is_loaded_from_file(cls.__module__):
         return f"{Path(file).resolve()}:{cls.__qualname__}"
     return f"{cls.__module__}:{cls.__qualname__}"
 
@@ -460,148 +435,6 @@ def _module(kind: Kind, spec: str, name: str) -> ModuleType:
         return importlib.import_module(name)
     except Exception as error:  # whatever the code of others raises when it is run
         raise ConfigError(f"{kind} {shown(spec)!r} cannot be imported: {type(error).__name__}: {error}") from error
-
-
-_PREFIX = "omnieval_component_"
-
-
-def _module_of_file(kind: Kind, spec: str, file: Path) -> ModuleType:
-    """Return the module of a file; another one when the file has changed, or what it imports from beside it."""
-    path = file.expanduser().resolve()
-    try:
-        beside = _closure(path, _PREFIX)
-        name = _PREFIX + digest_of([str(path), files_digest(tuple(sorted(beside)), path.parent)])
-    except OSError as error:
-        raise ConfigError(f"{kind} {shown(spec)!r}: cannot read {path}: {error.strerror or error}") from error
-    if name in sys.modules:
-        return sys.modules[name]
-    loader = _Source(name, str(path))
-    module = importlib.util.module_from_spec(ModuleSpec(name, loader, origin=str(path)))
-    module.__file__ = str(path)
-    with _importing_from(path.parent, {one.relative_to(path.parent).parts[0].removesuffix(".py") for one in beside}):
-        sys.modules[name] = module
-        try:
-            loader.exec_module(module)
-        except Exception as error:  # whatever the code of others raises when it is run
-            del sys.modules[name]
-            raise ConfigError(f"{kind} {shown(spec)!r} cannot be imported: {type(error).__name__}: {error}") from error
-    return module
-
-
-class _Source(SourceFileLoader):
-    """Loads a module from its source: bytecode is taken for current by size and seconds, which an edit may keep."""
-
-    def get_code(self, fullname: str) -> CodeType:
-        return self.source_to_code(self.get_data(self.path), self.path)
-
-
-class _Beside:
-    """Finds the modules beside a file before all others, as where a script is run."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = str(folder)
-
-    def find_spec(self, name: str, path: Sequence[str] | None = None, target: Any = None) -> ModuleSpec | None:
-        """See `importlib.abc.MetaPathFinder`."""
-        del target
-        folders = [self._folder] if path is None else [one for one in path if one.startswith(self._folder)]
-        finders = (FileFinder(folder, (_Source, [".py"])) for folder in folders)
-        return next((found for finder in finders if (found := finder.find_spec(name))), None)
-
-
-@contextmanager
-def _importing_from(folder: Path, names: set[str]) -> Iterator[None]:
-    """Let the modules of these names be those of a folder; two folders may have other modules of one name."""
-
-    def taken() -> dict[str, ModuleType]:
-        return {name: sys.modules.pop(name) for name in list(sys.modules) if name.partition(".")[0] in names}
-
-    finder, others = _Beside(folder), taken()
-    sys.meta_path.insert(0, finder)
-    try:
-        yield
-    finally:
-        sys.meta_path.remove(finder)
-        taken()
-        sys.modules.update(others)
-
-
-def _root(file: Path, module: str) -> Path:
-    """Return the folder above which no source file belongs to a component: of its package, or of its file."""
-    levels = 0 if module == "__main__" or module.startswith(_PREFIX) else module.count(".")
-    if file.name == "__init__.py":
-        levels += 1
-    folder = file.parent
-    for _ in range(levels):
-        folder = folder.parent
-    return folder
-
-
-def _closure(file: Path, module: str) -> set[Path]:
-    """Return a source file and all below its root that it imports, directly or not."""
-    root = _root(file, module)
-    if root.name in _INSTALLED and root == file.parent:
-        return {file}  # beside it lie the packages of others
-    inside = module.partition(".")[0] if "." in module else None
-    found: set[Path] = set()
-    waiting = [file]
-    while waiting:
-        one = waiting.pop()
-        if one not in found:
-            found.add(one)
-            waiting += [path for name in _imports(one, root) for path in _files(name, root, inside)]
-    return found
-
-
-def _imports(file: Path, root: Path) -> tuple[str, ...]:
-    """Return the names that a source file imports; one that has not changed is not read again."""
-    status = file.stat()
-    return _imports_of(file, root, status.st_mtime_ns, status.st_size)
-
-
-@lru_cache(maxsize=4096)
-def _imports_of(file: Path, root: Path, *state: int) -> tuple[str, ...]:
-    del state
-    return tuple(_imported(file, root))
-
-
-def _imported(file: Path, root: Path) -> Iterator[str]:
-    """Yield the names that a source file imports, as modules or from them, but for the type checker alone."""
-    try:
-        tree = ast.parse(file.read_text("utf-8", "replace"))
-    except (SyntaxError, ValueError):  # whoever imports it will say so
-        return
-    package = file.relative_to(root).parent.parts
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
-            waiting += node.orelse
-            continue
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) - node.level + 1] if node.level else ()
-            base = ".".join([*above, *((node.module or "").split(".") if node.module else ())])
-            yield base
-            yield from (f"{base}.{alias.name}" if base else alias.name for alias in node.names)
-        waiting += ast.iter_child_nodes(node)
-
-
-def _files(name: str, root: Path, inside: str | None) -> Iterator[Path]:
-    """Yield the source file of a module, if it lies below the root."""
-    parts = name.split(".")
-    if not name or (inside is not None and parts[0] != inside):
-        return
-    path = root.joinpath(*parts)
-    for file in (path.with_suffix(".py"), path / "__init__.py"):
-        if file.is_file() and file != _LAZY:
-            yield file
-
-
-_LAZY = Path(__file__).with_name("__init__.py")
-"""Names everything there is without loading it."""
-_INSTALLED = {"site-packages", "dist-packages"}
 
 
 def _own_source(cls: Any) -> dict[str, Any]:

@@ -343,8 +343,14 @@ class _Work:
 
 
 def _sent(job: Job) -> Job:
-    """Return a job as a process gets it: its images are described already, so what did it stays here."""
-    return replace(job, config=replace(job.config, descriptor=replace(job.config.descriptor, given=None)))
+    """Return a job as a process gets it: no object goes along, which may hold what cannot.
+
+    Its images are described already, and its mapper is made anew of its class and settings.
+    """
+    mapper, descriptor = job.config.mapper, replace(job.config.descriptor, given=None)
+    if mapper.spec is not None:
+        mapper = replace(mapper, given=None)
+    return replace(job, config=replace(job.config, mapper=mapper, descriptor=descriptor))
 
 
 def _refuse_mappers_of_this_process(jobs: Iterable[Job]) -> None:

@@ -17,7 +17,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from omnieval.ablation.jobs import Described, Job, failed_row
-from omnieval.components import digest_of
 from omnieval.errors import ResultError
 from omnieval.mapping.interface import BranchingMapper, Column
 from omnieval.mapping.memory import AHEAD, blocks
@@ -27,6 +26,7 @@ from omnieval.mapping.sweep import Interval, Outcome, Points, Sweep
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.results.atomic import write_table
 from omnieval.results.tables import step_row, steps_frame, with_final_map
+from omnieval.source_code import digest_of
 
 LARGEST = 64
 """Jobs of one tree, so that a kill loses no more than these; sharing among more saves little."""

@@ -16,11 +16,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from omnieval.components import digest_of, module_digest
 from omnieval.datasets.cachedir import cache_dir
 from omnieval.descriptors.database import SpareDatabase
 from omnieval.descriptors.description import Description
 from omnieval.imaging.glance import file_state
+from omnieval.source_code import digest_of, module_digest
 
 DATABASE = "descriptors-3.sqlite"
 """Name of the file within the cache folder; the number is that of its tables."""
@@ -96,12 +96,11 @@ class DescriptorCache:
             self.hits += 1
         return found
 
-    def store(self, file: Path, key: str, digest: str, description: Description) -> None:
-        """Keep the description of an image file whose bytes have this digest."""
-        try:
-            state = file_state(file)
-        except OSError:
-            return  # gone since it was read; there is nothing to find again
+    def store(self, file: Path, state: str, key: str, digest: str, description: Description) -> None:
+        """Keep the description of an image file whose bytes have this digest.
+
+        `state` is the file's (`file_state`) before it was read: one that was replaced meanwhile is not found by it.
+        """
         cells = len(description.orientation)
         position = description.position.astype("<f4").tobytes()
         orientation = description.orientation.astype("<f4").tobytes()

@@ -14,6 +14,7 @@ from omnieval.descriptors.description import Description, Descriptor
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
+from omnieval.imaging.glance import file_state
 
 _WORKERS = 2
 _AHEAD = 16
@@ -26,6 +27,10 @@ class DescribedFrame:
 
     description: Description
     digest: str
+
+
+_New = tuple[str | None, DescribedFrame]
+"""A description, and the state of its file before that was read."""
 
 
 class Describer:
@@ -62,7 +67,7 @@ class Describer:
             When it comes to an image that cannot be read.
         """
         with ThreadPoolExecutor(_WORKERS) as pool:
-            under_way: deque[tuple[Frame, Future[DescribedFrame] | DescribedFrame]] = deque()
+            under_way: deque[tuple[Frame, Future[_New] | DescribedFrame]] = deque()
             try:
                 for frame in frames:
                     known = self._cache.lookup(frame.path, self._key)
@@ -76,9 +81,13 @@ class Describer:
             finally:
                 pool.shutdown(cancel_futures=True)
 
-    def _describe(self, frame: Frame) -> DescribedFrame:
-        data = frame.read()
+    def _describe(self, frame: Frame) -> _New:
         where = str(frame.path)
+        try:
+            state = file_state(frame.path)
+        except OSError:
+            state = None  # whoever reads it says what is wrong
+        data = frame.read()
         panorama = self._camera.panorama(decode_grey(data, where), where=where)
         try:
             description = self._descriptor.describe(panorama)
@@ -87,12 +96,13 @@ class Describer:
         except Exception as error:  # whatever the code of others raises
             fault = " ".join(f"{type(error).__name__}: {error}".split())
             raise ConfigError(f"the descriptor {self._name} failed on image {where}: {fault}") from error
-        return DescribedFrame(description, image_digest(data))
+        return state, DescribedFrame(description, image_digest(data))
 
-    def _take(self, frame: Frame, described: Future[DescribedFrame] | DescribedFrame) -> DescribedFrame:
+    def _take(self, frame: Frame, described: Future[_New] | DescribedFrame) -> DescribedFrame:
         """Return a description; a new one is also kept. Only the caller's thread uses the cache."""
         if isinstance(described, DescribedFrame):
             return described
-        result = described.result()
-        self._cache.store(frame.path, self._key, result.digest, result.description)
+        state, result = described.result()
+        if state is not None:
+            self._cache.store(frame.path, state, self._key, result.digest, result.description)
         return result

@@ -14,7 +14,6 @@ from omnieval.ablation.store import BEST, TABLE, Store, rows_table
 from omnieval.ablation.store import KIND as ABLATION
 from omnieval.benchmark import KIND as BASELINE
 from omnieval.benchmark import TABLE as PARTITIONS
-from omnieval.components import digest_of
 from omnieval.config import Config
 from omnieval.errors import ResultError
 from omnieval.mapping.interface import Method
@@ -22,6 +21,7 @@ from omnieval.material import Cut, Material, described_again, held_against, open
 from omnieval.metrics.evaluation import METRICS
 from omnieval.results.manifest import MANIFEST, kind_of, read_manifest, status_of
 from omnieval.results.run_folder import Run, method_of, open_run
+from omnieval.source_code import digest_of
 
 STEPS = "steps"
 """Where an ablation keeps decision traces."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import platform
 from collections.abc import Iterable, Sequence
 from functools import cache
@@ -12,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from omnieval.datasets.sequence import Frame
+from omnieval.source_code import digest_of, files_digest
 
 _LIBRARIES = (
     "numpy",
@@ -49,7 +48,7 @@ def code_digest() -> str:
     root = Path(__file__).parents[1]
     parts = [root / name for name in _DECIDING]
     files = sorted(file for part in parts for file in (part.rglob("*.py") if part.is_dir() else [part]))
-    return _digest([[file.relative_to(root).as_posix(), file.read_text("utf-8")] for file in files])
+    return files_digest(tuple(files), root)
 
 
 def dataset_fingerprint(frames: Sequence[Frame], image_digests: Iterable[str]) -> str:
@@ -66,14 +65,9 @@ def dataset_fingerprint(frames: Sequence[Frame], image_digests: Iterable[str]) -
         [frame.file, digest, frame.time_ns, [pose.x, pose.y, pose.yaw] if (pose := frame.pose) else None, frame.room]
         for frame, digest in zip(frames, image_digests, strict=True)
     ]
-    return _digest(described)
+    return digest_of(described)
 
 
 def identity(configuration: dict[str, Any], fingerprint: str) -> str:
     """Return the identity of a run: equal identities have equal tables."""
-    return _digest({"configuration": configuration, "dataset": fingerprint, "code": code_digest()})
-
-
-def _digest(content: Any) -> str:
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+    return digest_of({"configuration": configuration, "dataset": fingerprint, "code": code_digest()})

@@ -234,6 +234,23 @@ def test_what_only_this_process_knows_is_not_sent_to_others(panoramas, tmp_path)
     assert one.select(METRICS).equals(same.select(METRICS))
 
 
+class Talking(Leader):
+    """A mapper that holds what no other process can be sent."""
+
+    name = "talking"
+
+    def __init__(self, settings=None, images=None):
+        super().__init__(settings, images)
+        self.say = lambda words: words
+
+
+def test_an_object_may_hold_what_cannot_be_sent_to_a_process(panoramas, tmp_path):
+    mapper = Talking(LeaderSettings(radius=2))
+    found = omnieval.ablate([panoramas], mapper=mapper, descriptor="hog,gist", jobs=2, out=tmp_path / "out")
+    assert found["error"].to_list() == [None, None]
+    assert found["radius"].to_list() == [2, 2]
+
+
 class Usual(Leader):
     """A mapper that could branch, but has nothing to be set."""
 

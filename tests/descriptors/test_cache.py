@@ -9,6 +9,7 @@ import pytest
 
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import Description
+from omnieval.imaging.glance import file_state
 
 CAMERA = {"kind": "panoramic"}
 KEY = description_key(CAMERA, {"name": "a"})
@@ -28,7 +29,7 @@ def image(tmp_path):
 
 def stored(path, image, key=KEY):
     with DescriptorCache(path) as cache:
-        cache.store(image, key, image_digest(image.read_bytes()), a_description())
+        cache.store(image, file_state(image), key, image_digest(image.read_bytes()), a_description())
     return a_description()
 
 
@@ -95,7 +96,7 @@ def test_a_copy_of_a_known_image_is_its_own_file(tmp_path, image):
     copy.write_bytes(image.read_bytes())
     with DescriptorCache(tmp_path / "c.sqlite") as cache:
         assert cache.lookup(copy, KEY) is None
-        cache.store(copy, KEY, image_digest(copy.read_bytes()), a_description())
+        cache.store(copy, file_state(copy), KEY, image_digest(copy.read_bytes()), a_description())
         cache.save()
         assert cache.lookup(copy, KEY) is not None
         assert cache.lookup(image, KEY) is not None
@@ -159,7 +160,7 @@ def test_damage_met_while_working_is_put_aside_too(tmp_path, image):
 
 def test_what_is_not_saved_yet_does_not_lock_others_out(tmp_path, image):
     with DescriptorCache(tmp_path / "c.sqlite") as waiting:
-        waiting.store(image, KEY, "1", a_description(1))
+        waiting.store(image, file_state(image), KEY, "1", a_description(1))
         with contextlib.closing(sqlite3.connect(tmp_path / "c.sqlite", timeout=0)) as other, other:
             other.execute("DELETE FROM descriptions")
 
@@ -191,7 +192,7 @@ def test_file_names_need_not_be_unicode(tmp_path):
 def test_without_a_place_to_write_there_is_no_cache_and_no_error(tmp_path, image):
     (tmp_path / "file").write_text("in the way")
     with DescriptorCache(tmp_path / "file" / "c.sqlite") as cache:
-        cache.store(image, KEY, "digest", a_description())
+        cache.store(image, file_state(image), KEY, "digest", a_description())
         assert cache.lookup(image, KEY) is None
         assert cache.note is not None
         assert "is not used" in cache.note
@@ -201,9 +202,9 @@ def test_two_caches_on_one_file(tmp_path, image):
     other = tmp_path / "other.png"
     other.write_bytes(b"x")
     with DescriptorCache(tmp_path / "c.sqlite") as one, DescriptorCache(tmp_path / "c.sqlite") as two:
-        one.store(image, KEY, "1", a_description(1))
+        one.store(image, file_state(image), KEY, "1", a_description(1))
         one.save()
-        two.store(other, KEY, "2", a_description(2))
+        two.store(other, file_state(other), KEY, "2", a_description(2))
         two.save()
         assert one.lookup(other, KEY) is not None
         assert two.lookup(image, KEY) is not None

@@ -11,6 +11,7 @@ from omnieval.components import resolve_component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import Describer
+from omnieval.descriptors.description import Description
 from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.camera import CameraModel
@@ -164,6 +165,20 @@ def test_images_replaced_with_the_same_size_and_time_are_described_anew(tmp_path
         assert cache.hits == 0
     assert all(one.digest != other.digest for one, other in zip(before, after, strict=True))
     assert after[3].digest == image_digest(frames[3].path.read_bytes())
+
+
+def test_an_image_that_is_replaced_while_it_is_described_is_not_taken_for_the_one_that_was(tmp_path, frames):
+    class Replacing:
+        def describe(self, panorama):
+            cv2.imwrite(str(frames[0].path), 255 - decode_grey(frames[0].read(), "0"), STORED)
+            return Description(panorama[:4].mean(axis=1, dtype=np.float32), panorama[:4, :1].astype(np.float32))
+
+    replacing = resolve_component("descriptor", Replacing())
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        (first,) = Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
+        (second,) = Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
+    assert first.digest != second.digest
+    assert cache.hits == 0
 
 
 def test_what_a_descriptor_of_ones_own_raises_is_told_with_the_image(tmp_path, frames):
