@@ -174,11 +174,12 @@ def test_an_image_that_is_replaced_while_it_is_described_is_not_taken_for_the_on
             return Description(panorama[:4].mean(axis=1, dtype=np.float32), panorama[:4, :1].astype(np.float32))
 
     replacing = resolve_component("descriptor", Replacing())
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
-        (first,) = Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
-        (second,) = Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
-    assert first.digest != second.digest
-    assert cache.hits == 0
+    found = []
+    for _ in range(2):
+        with DescriptorCache(tmp_path / "c.sqlite") as cache:
+            found += Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
+            assert cache.hits == 0
+    assert found[0].digest != found[1].digest
 
 
 def test_what_a_descriptor_of_ones_own_raises_is_told_with_the_image(tmp_path, frames):
