@@ -100,17 +100,18 @@ def replay(
     resolved = as_config(config, preset=preset, mapper=mapper, descriptor=descriptor, **parameters)
     options = RecordingOptions() if recording is True else recording or None
     with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
-        folder = Path(out) if out is not None else free_folder(RUNS, run_name(material, resolved.mapper))
+        name = run_name(material.name, material.descriptor, resolved.mapper)
+        folder = Path(out) if out is not None else free_folder(RUNS, name)
         return run(material, resolved, folder, overwrite=overwrite, recording=options, progress=progress)
 
 
-def run_name(material: Material, mapper: Component) -> str:
+def run_name(sequence: str, descriptor: Component, mapper: Component) -> str:
     """Return what the folder of a run is called: the sequence, what describes it, and a mapper that is not the default.
 
     An archive says no descriptor: ``map`` stands for it.
     """
-    described = "map" if material.descriptor is ARCHIVE else material.descriptor.name
-    return "-".join([material.name, described, *([] if mapper.is_default else [mapper.name])])
+    described = "map" if descriptor == ARCHIVE else descriptor.name
+    return "-".join([sequence, described, *([] if mapper.is_default else [mapper.name])])
 
 
 def describe_archive(

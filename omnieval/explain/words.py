@@ -124,7 +124,7 @@ def _reason(step: Step, comparison: Comparison, method: Method) -> str:
     one = subject(step, comparison)
     value = comparison.best if one is None else comparison.values[comparison.of.index(one)]
     gate, threshold = method.gate(comparison.gate), comparison.threshold
-    whose = "" if one is None or gate.of is None else f" of {gate.of} {one}"
+    whose = "" if one is None or gate.of is None else f" of {gate.of} {one}:"
     passed, refused = (">=", "<") if comparison.reaches else ("<=", ">")
     sign = passed if (value >= threshold if comparison.reaches else value <= threshold) else refused
     return f"{gate.value}{whose} {distinct(value, threshold)} {sign} {threshold_name(comparison, method, value)}"

@@ -11,6 +11,7 @@ import polars as pl
 
 from omnieval.config import resolve
 from omnieval.errors import OmnievalError, ResultError
+from omnieval.loop import run_name
 from omnieval.material import ARCHIVE, reopened
 from omnieval.regression.cases import (
     Job,
@@ -208,10 +209,7 @@ def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -
 
 
 def _free_name(run: Run, taken: set[str]) -> str:
-    config = run.config
-    described = "map" if config.descriptor == ARCHIVE else config.descriptor.name
-    mapper = "" if config.mapper.is_default else f"-{config.mapper.name}"
-    base = f"{run.manifest['sequence']}-{described}{mapper}"
+    base = run_name(run.manifest["sequence"], run.config.descriptor, run.config.mapper)
     number, name = 1, base
     while name in taken:
         number += 1

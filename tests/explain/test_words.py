@@ -32,7 +32,7 @@ NEAR = {1: 0.5, 4: 1.1}
         ),
         (
             decided(Verdict.NO_CANDIDATE, asked(FAR)),
-            "refused (no-candidate): gate ratio of node 3 2.31 > x 2",
+            "refused (no-candidate): gate ratio of node 3: 2.31 > x 2",
         ),
         (
             decided(Verdict.PROMINENCE, asked(NEAR, prominence=3.1), match=BEST),
@@ -48,7 +48,7 @@ NEAR = {1: 0.5, 4: 1.1}
         ),
         (
             decided(Verdict.PENDING, asked(FAR), node=6),
-            "joined pending node 6; active nodes refused: gate ratio of node 3 2.31 > x 2",
+            "joined pending node 6; active nodes refused: gate ratio of node 3: 2.31 > x 2",
         ),
         (decided(Verdict.NO_CANDIDATE), "refused (no-candidate)"),
         (Step(9, "lost", Role.UNASSIGNED), "lost"),

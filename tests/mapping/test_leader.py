@@ -107,8 +107,8 @@ class TestSixImagesOnALine:
         steps, _ = self.replayed()
         texts = [decision_text(step, method(2.5)) for step in steps]
         assert texts[0] == "first image of node 1"
-        assert texts[3] == "refused (too far): relative distance of node 1 3.83 > radius 2.5"
-        assert texts[5] == "joined node 1: best image 1, relative distance of node 1 0.333 <= radius 2.5"
+        assert texts[3] == "refused (too far): relative distance of node 1: 3.83 > radius 2.5"
+        assert texts[5] == "joined node 1: best image 1, relative distance of node 1: 0.333 <= radius 2.5"
         said = [[flip.text for flip in flips(step, method(2.5))] for step in steps]
         assert said[0] == []
         assert said[3] == ["radius >= 3.834 would let it join node 1"]

@@ -95,7 +95,7 @@ def test_every_room_has_a_colour_of_its_own_that_does_not_change(recorded):
 def test_words_in_the_recording_give_the_reason(recorded):
     said = column(recorded, entities.LOG_DECISION, "TextLog:text")
     assert said[20] == ["20: refused (prominence): prominence over the mean 3.1 < gamma 5"]
-    assert said[24] == ["24: refused (no-candidate): gate ratio of node 1 2.31 > x 1.85"]
+    assert said[24] == ["24: refused (no-candidate): gate ratio of node 1: 2.31 > x 1.85"]
     events = column(recorded, entities.LOG_EVENT, "TextLog:text")
     assert events[29] == ["29: created node 2 from images 24-29"]
     assert events[COUNT][0].startswith(f"{COUNT}: final map: 2 nodes")
