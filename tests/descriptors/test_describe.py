@@ -10,7 +10,7 @@ import pytest
 from omnieval.components import resolve_component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, image_digest
-from omnieval.descriptors.describe import Describer
+from omnieval.descriptors.describe import DescribedFrame, Describer
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, DatasetError
@@ -174,7 +174,7 @@ def test_an_image_that_is_replaced_while_it_is_described_is_not_taken_for_the_on
             return Description(panorama[:4].mean(axis=1, dtype=np.float32), panorama[:4, :1].astype(np.float32))
 
     replacing = resolve_component("descriptor", Replacing())
-    found = []
+    found: list[DescribedFrame] = []
     for _ in range(2):
         with DescriptorCache(tmp_path / "c.sqlite") as cache:
             found += Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
