@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Sequence as Frames
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from omnieval.components import Component
 from omnieval.config import Config
 from omnieval.datasets import load
+from omnieval.datasets.findings import KindOfFinding, by_kind
 from omnieval.datasets.scan import FARTHEST_M
 from omnieval.datasets.sequence import Frame, Pose, Sequence
 from omnieval.descriptors.archive import Archive, load_archive
@@ -44,6 +46,8 @@ ARCHIVE = Component("descriptor", "archive", None, {}, "")
 """Stands for the descriptor of an archive, whose descriptions are part of the fingerprint."""
 
 Source = str | Path | Sequence
+
+_LOG = logging.getLogger("omnieval")
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,8 @@ class Material:
         Where what is known of the camera comes from.
     card
         Name of the data card, if there is one.
+    findings
+        What is odd about the source, a line a kind; no errors, or there would be no material.
     skipped
         Images that were left out because they are not fit for use; None if nobody asked for that.
     pictures
@@ -108,6 +114,7 @@ class Material:
     camera: Mapping[str, Any] | None = None
     origin: str | None = None
     card: str | None = None
+    findings: tuple[KindOfFinding, ...] = ()
     skipped: tuple[BadImage, ...] | None = None
     pictures: Pictures | None = None
     cache: DescriptorCache | None = None
@@ -129,6 +136,7 @@ class Material:
             "camera": None if self.camera is None else {"origin": self.origin, **self.camera},
             "descriptor": self.descriptor.about,
             "orientation_cells": self.cells,
+            "findings": [dataclasses.asdict(finding) for finding in self.findings],
             **({} if self.skipped is None else {"skipped": [dataclasses.asdict(bad) for bad in self.skipped]}),
         }
 
@@ -136,6 +144,8 @@ class Material:
 @contextmanager
 def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: bool = False) -> Iterator[Material]:
     """Give the material of a source, its descriptions ready to be computed.
+
+    What is odd about it is said once, as warnings of the logger ``omnieval``, before anything is computed.
 
     Parameters
     ----------
@@ -161,7 +171,11 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
     sequence = (source if isinstance(source, Sequence) else load(source)).cut(**dataclasses.asdict(cut))
     sequence, skipped = without_bad(sequence) if skip_bad else (sequence, None)
     with DescriptorCache() as cache:
-        yield _of_images(sequence, config, cache, skipped)
+        material = _of_images(sequence, config, cache, skipped)
+        for finding in material.findings:
+            if finding.severity == "warning":
+                _LOG.warning("%s", finding)
+        yield material
 
 
 @contextmanager
@@ -294,6 +308,7 @@ def _of_images(
         camera=camera.settings,
         origin=camera.origin,
         card=sequence.card,
+        findings=by_kind(sequence.findings),
         skipped=skipped,
         pictures=Pictures(sequence.frames, camera),
         cache=cache,

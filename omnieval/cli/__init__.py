@@ -29,7 +29,7 @@ from omnieval.cli import (
     report,
     view,
 )
-from omnieval.cli.console import note
+from omnieval.cli.console import library_notes, note
 from omnieval.cli.streams import ready_streams
 from omnieval.errors import OmnievalError
 
@@ -84,7 +84,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # What is wrong with an image is said by omnieval, once.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     try:
-        code = _parser()(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)
+        with library_notes():
+            code = _parser()(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)
         if code == INTERRUPTED:  # typer has caught the interrupt itself
             code = _fail("interrupted; what was computed so far is kept", INTERRUPTED)
     except TyperException as error:

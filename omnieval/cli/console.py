@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -53,6 +54,31 @@ def note(message: str) -> None:
     line = re.sub(r"\s*[\r\n]\s*", " ", message.strip())
     printable = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
     print(f"omnieval: {printable}", file=sys.stderr)
+
+
+@contextmanager
+def library_notes() -> Iterator[None]:
+    """Say on stderr what the library warns of while a command runs, each line once."""
+    logger, handler = logging.getLogger("omnieval"), _Notes()
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.propagate = True
+        logger.removeHandler(handler)
+
+
+class _Notes(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__()
+        self._said: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        message = record.getMessage()
+        if message not in self._said:
+            self._said.add(message)
+            note(message)
 
 
 def _ignore(done: int, total: int) -> None:

@@ -22,16 +22,16 @@ several-poses         error    more than one file may be the ground truth
 rows-differ           error    not one row of ground truth for each image
 ambiguous-image       error    a row of ground truth may mean several images
 bad-camera            error    ``camera.toml`` is wrong
-missing-image         error    a label or pose names an image that is not there
-bad-pose              error    a pose is not finite, or no position in metres
-duplicate-time        error    two images were taken at the same time
-backward-time         error    an image was taken before its predecessor
 unreadable-image      error    the file cannot be read
 empty-image           error    the file has no bytes
 truncated-image       error    the file ends early
 damaged-image         error    a checksum within the file is wrong (PNG), or a part was overwritten (JPEG)
 not-an-image          error    the file cannot be decoded
 wrong-size            error    the image's size differs from the others'
+missing-image         warning  a label or pose names an image that is not there
+bad-pose              warning  a pose is not finite, or no position in metres: the image counts as one without
+duplicate-time        warning  two images were taken at the same time
+names-not-in-order    warning  by its name an image comes after one that was taken later; the times decide
 yaw-out-of-range      warning  a yaw that is probably not in radians
 image-without-label   warning  an image that ``places.lst`` does not name
 image-without-pose    warning  an image without a pose in ``poses.csv`` or the ground truth
@@ -59,9 +59,10 @@ from itertools import pairwise
 from pathlib import Path
 
 from omnieval.datasets.cards import card
+from omnieval.datasets.findings import ROOT, Finding, in_order
 from omnieval.datasets.images import ImageReport, inspect_image, usual_size, wrong_size
 from omnieval.datasets.registry import scan
-from omnieval.datasets.scan import ROOT, Finding, Scan
+from omnieval.datasets.scan import Scan
 from omnieval.datasets.sequence import Frame
 from omnieval.wording import shown
 
@@ -131,8 +132,7 @@ def check(source: str | Path, *, progress: Progress | None = None) -> CheckRepor
     reports = dict(zip(paths, _inspect_all(paths, progress), strict=True))
     size, image_findings = _image_findings(found, reports)
     length = path_length(found.frames)
-    findings = [*found.faults, *found.remarks, *image_findings, *_card_findings(found, length, size)]
-    order = {"error": 0, "warning": 1, "info": 2}
+    findings = [*found.findings, *image_findings, *_card_findings(found, length, size)]
     return CheckReport(
         source=found.source,
         name=found.name,
@@ -144,7 +144,7 @@ def check(source: str | Path, *, progress: Progress | None = None) -> CheckRepor
         spacing_m=length / (len(found.frames) - 1) if length is not None and len(found.frames) > 1 else None,
         image_size=size,
         rooms=dict(sorted(Counter(frame.room for frame in found.frames if frame.room is not None).items())),
-        findings=tuple(sorted(findings, key=lambda finding: order[finding.severity])),
+        findings=in_order(findings),
     )
 
 

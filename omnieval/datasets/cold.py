@@ -21,16 +21,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from omnieval.datasets.cards import card, find_card
+from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.scan import (
-    ROOT,
-    Finding,
     Scan,
     canonical_path,
     has_image_suffix,
+    in_time,
     missing_folder,
     pose_remarks,
     read_text,
-    time_remarks,
     visible_names,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose
@@ -96,12 +95,12 @@ def scan_cold(path: str | Path) -> Scan:
     given = canonical_path(path)
     root = _sequence_folder(given)
     if isinstance(root, Finding):
-        return Scan(safe_name(given.name), f"cold:{given}", given, faults=(root,))
+        return Scan(safe_name(given.name), f"cold:{given}", given, findings=(root,))
     names = visible_names(root / OMNI_FOLDER)
     frames, faults = _scan_names(root, names)
     rooms, label_faults = _read_places(root)
     poses = ((f"{OMNI_FOLDER}/{frame.file}", frame.pose) for frame in frames)
-    remarks = time_remarks(frames, below=f"{OMNI_FOLDER}/") + pose_remarks(poses, largest_yaw=_YAW_LIMIT)
+    remarks = in_time(frames, below=f"{OMNI_FOLDER}/")[1] + pose_remarks(poses, largest_yaw=_YAW_LIMIT)
     remarks += _stray_remarks(names)
     if rooms is None and not label_faults:
         remarks.append(Finding("info", "no-labels", PLACES_FILE, "not there; frames have no room"))
@@ -118,8 +117,7 @@ def scan_cold(path: str | Path) -> Scan:
         root=root,
         frames=tuple(frames),
         camera=Camera("omnidirectional", known.mirror if known else None),
-        faults=tuple(faults + label_faults),
-        remarks=tuple(remarks),
+        findings=(*faults, *label_faults, *remarks),
         unnamed=tuple(root / OMNI_FOLDER / n for n in names if has_image_suffix(n) and n not in readable),
         card=known.name if known else None,
         card_sequence=card_sequence,
@@ -241,7 +239,7 @@ def _stray_remarks(names: list[str]) -> list[Finding]:
 def _label_remarks(names: list[str], frames: list[Frame], rooms: dict[str, str]) -> list[Finding]:
     present = set(names)
     missing = [
-        Finding("error", "missing-image", f"{OMNI_FOLDER}/{shown(name)}", f"named in {PLACES_FILE} but not there")
+        Finding("warning", "missing-image", f"{OMNI_FOLDER}/{shown(name)}", f"named in {PLACES_FILE} but not there")
         for name in rooms
         if name not in present
     ]

@@ -25,18 +25,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from omnieval.datasets.cards import CAMERA_FILE, Card, GroundTruth, Layout, card, overridden, parse_camera
+from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.poses import BY_HEADING, Capture, Table, file_key, scan_table, wrapped
 from omnieval.datasets.scan import (
-    ROOT,
-    Finding,
     Scan,
     canonical_path,
     has_image_suffix,
+    in_time,
     missing_folder,
     name_faults,
     pose_remarks,
     read_text,
-    time_remarks,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose
 from omnieval.errors import DatasetError
@@ -50,11 +49,6 @@ INNOVA_CARD = "innova.toml"
 
 _PLAIN = Card(name="folder", title="", get="", citation="", layout=Layout(images="*", ground_truth=BY_HEADING))
 """What is taken for granted where no card says otherwise."""
-
-_FORBIDDING = frozenset(
-    {"bad-pose-row", "unreadable-poses", "missing-poses", "several-poses", "rows-differ", "ambiguous-image"}
-)
-"""Findings on the poses after which none can be trusted to be that of its image."""
 
 
 def scan_folder(path: str | Path) -> Scan:
@@ -77,31 +71,29 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
     base = Scan(safe_name(root.name), f"{scheme}:{root}", root, card=None if packaged is _PLAIN else packaged.name)
     fault = missing_folder(root)
     if fault:
-        return replace(base, faults=(fault,))
+        return replace(base, findings=(fault,))
     try:
         known = _card(root, packaged, own_cards)
     except DatasetError as error:
-        return replace(base, faults=(Finding("error", "bad-card", ROOT, str(error)),))
+        return replace(base, findings=(Finding("error", "bad-card", ROOT, str(error)),))
     layout = known.layout or Layout()
     names = sorted(filter(has_image_suffix, _matches(root, layout.images)), key=natural_key)
     captures, findings = _read_poses(root, names, layout.ground_truth)
-    frames = tuple(_frame(root, name, captures.get(name)) for name in names)
+    frames, time_findings = in_time([_frame(root, name, captures.get(name)) for name in names])
     camera = Camera("omnidirectional" if known.mirror else layout.kind, known.mirror)
-    faults = [*_name_faults(names, layout, own_cards[0]), *(found for found in findings if found.code in _FORBIDDING)]
+    faults = [*_name_faults(names, layout, own_cards[0]), *findings, *_spread_remarks(names)]
     if packaged is _PLAIN and (root / CAMERA_FILE).exists():
         try:
             camera = parse_camera(read_text(root / CAMERA_FILE))
         except DatasetError as error:
             faults.append(Finding("error", "bad-camera", CAMERA_FILE, str(error)))
-    remarks = [*_spread_remarks(names), *(found for found in findings if found.code not in _FORBIDDING)]
     own = None if known is _PLAIN else known
     expected = known.sequence_at(root)
     return replace(
         base,
-        frames=frames,
+        frames=tuple(frames),
         camera=camera,
-        faults=tuple(faults),
-        remarks=(*remarks, *time_remarks(frames)),
+        findings=(*faults, *time_findings),
         card=own.name if own else None,
         card_sequence=expected.path if expected else None,
         own_card=own,
@@ -215,7 +207,7 @@ def _matched_by_name(names: list[str], table: Table) -> tuple[dict[str, Capture]
         where = f"{table.name}:{row.capture.line}"
         images = spellings.get(row.file, [])
         if not images:
-            findings.append(Finding("error", "missing-image", shown(row.file), f"named in {where} but not there"))
+            findings.append(Finding("warning", "missing-image", shown(row.file), f"named in {where} but not there"))
         elif len(images) > 1:
             message = f"{shown(row.file)} may be {shown(images[0])} or {shown(images[1])}; give the path"
             findings.append(Finding("error", "ambiguous-image", where, message))

@@ -22,8 +22,8 @@ from decimal import Decimal, InvalidOperation
 from typing import cast
 
 from omnieval.datasets.cards import COLUMNS, Column, GroundTruth
+from omnieval.datasets.findings import Finding
 from omnieval.datasets.matlab import read_columns
-from omnieval.datasets.scan import Finding
 from omnieval.datasets.sequence import Pose
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, shown

@@ -8,9 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.scan import (
-    ROOT,
-    Finding,
     Scan,
     canonical_path,
     exists,
@@ -108,4 +107,4 @@ def _scan_bare(path: str) -> Scan:
     elif fault.code == "missing-folder" and "/" not in path:
         message = f"no such folder, and not a source; {did_you_mean(path, _SCANNERS)}"
         fault = replace(fault, message=message)
-    return replace(base, faults=(fault,))
+    return replace(base, findings=(fault,))

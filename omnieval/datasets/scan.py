@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from collections.abc import Sequence as Frames
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
+from omnieval.datasets.findings import ROOT, Finding, errors
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
 from omnieval.errors import DatasetError
 from omnieval.wording import shown
@@ -17,35 +19,8 @@ if TYPE_CHECKING:
     from omnieval.datasets.cards import Card
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
-ROOT = "."
-"""Where a finding lies that concerns the sequence folder itself."""
-
 FARTHEST_M = 1e6
 """No building is 1,000 km wide: a coordinate beyond is a slip, and would drown every distance."""
-
-Severity = Literal["error", "warning", "info"]
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing worth knowing about a sequence on disk.
-
-    Attributes
-    ----------
-    severity
-        `error`: the sequence is not fit for use; `warning`: look at it; `info`: good to know.
-    code
-        Kebab-case name of the kind of finding, e.g. ``wrong-size``.
-    where
-        Relative to the sequence folder, ``/`` as separator, ``:LINE`` behind it in text files.
-    message
-        What is wrong and what to do, one line.
-    """
-
-    severity: Severity
-    code: str
-    where: str
-    message: str
 
 
 @dataclass(frozen=True)
@@ -58,10 +33,8 @@ class Scan:
         As in `Sequence`.
     frames
         What could be understood, in the order in which the robot took it.
-    faults
-        Findings that forbid loading: the frames are not what the folder means.
-    remarks
-        Findings that do not.
+    findings
+        What is wrong with it, or odd; with an error among them it cannot be loaded.
     unnamed
         Image files that are no frames because their names do not parse.
     card_sequence
@@ -75,8 +48,7 @@ class Scan:
     root: Path
     frames: tuple[Frame, ...] = ()
     camera: Camera = field(default_factory=Camera)
-    faults: tuple[Finding, ...] = ()
-    remarks: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()
     unnamed: tuple[Path, ...] = ()
     card: str | None = None
     card_sequence: str | None = None
@@ -88,10 +60,10 @@ class Scan:
         Raises
         ------
         DatasetError
-            If there are faults; it names the first and counts the rest.
+            If there are errors; it names the first and counts the rest.
         """
-        if self.faults:
-            raise DatasetError(refusal(self.faults, root=str(self.root), source=self.source))
+        if faults := errors(self.findings):
+            raise DatasetError(refusal(faults, root=str(self.root), source=self.source))
         return Sequence(
             name=self.name,
             source=self.source,
@@ -99,6 +71,7 @@ class Scan:
             frames=self.frames,
             camera=self.camera,
             card=self.card,
+            findings=self.findings,
         )
 
 
@@ -191,11 +164,11 @@ def pose_remarks(poses: Iterable[tuple[str, Pose | None]], *, largest_yaw: float
         if pose is None:
             continue
         if not (math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.yaw)):
-            message = "the pose is not finite; correct or remove it"
-            remarks.append(Finding("error", "bad-pose", where, message))
+            message = "the pose is not finite and left out; correct or remove it"
+            remarks.append(Finding("warning", "bad-pose", where, message))
         elif max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
-            message = f"({pose.x:g}, {pose.y:g}) is no position in metres; correct it"
-            remarks.append(Finding("error", "bad-pose", where, message))
+            message = f"({pose.x:g}, {pose.y:g}) is no position in metres and left out; correct it"
+            remarks.append(Finding("warning", "bad-pose", where, message))
         elif abs(pose.yaw) > largest_yaw:
             message = f"yaw {pose.yaw:g} is beyond {largest_yaw:.6g}; expected radians"
             remarks.append(Finding("warning", "yaw-out-of-range", where, message))
@@ -212,18 +185,42 @@ def name_faults(names: list[str]) -> list[Finding]:
     ]
 
 
-def time_remarks(frames: Iterable[Frame], *, below: str = "") -> list[Finding]:
-    """Return a finding wherever the order of frames and that of times disagree, over the frames that have a time.
+def in_time(frames: Frames[Frame], *, below: str = "") -> tuple[list[Frame], list[Finding]]:
+    """Return frames in the order of their times, and what is odd about these.
 
-    `below` is put before the frames' files.
+    Parameters
+    ----------
+    frames
+        In the order of their names. One without a time stays behind the one it follows.
+    below
+        Put before the frames' files.
     """
-    remarks: list[Finding] = []
-    timed = [(frame.file, frame.time_ns) for frame in frames if frame.time_ns is not None]
-    for (earlier, before), (later, after) in pairwise(timed):
-        if after == before:
-            message = f"taken at the same time as {shown(earlier)}; keep one"
-            remarks.append(Finding("error", "duplicate-time", f"{below}{shown(later)}", message))
-        elif after < before:
-            message = f"comes after {shown(earlier)} by name, but was taken before it; rename the files or correct time"
-            remarks.append(Finding("error", "backward-time", f"{below}{shown(later)}", message))
-    return remarks
+    times = _filled([frame.time_ns for frame in frames])
+    order = sorted(range(len(frames)), key=lambda index: (times[index], index))
+    timed = [frame for frame in frames if frame.time_ns is not None]
+    findings = [
+        Finding(
+            "warning",
+            "names-not-in-order",
+            f"{below}{shown(later.file)}",
+            f"comes after {shown(earlier.file)} by name, but was taken before it; the order of times is taken",
+        )
+        for earlier, later in pairwise(timed)
+        if (later.time_ns or 0) < (earlier.time_ns or 0)
+    ]
+    findings += [
+        Finding("warning", "duplicate-time", f"{below}{shown(b.file)}", f"taken at the same time as {shown(a.file)}")
+        for a, b in pairwise(sorted(timed, key=lambda frame: frame.time_ns or 0))
+        if a.time_ns == b.time_ns
+    ]
+    return [frames[index] for index in order], findings
+
+
+def _filled(times: Frames[int | None]) -> list[int]:
+    """Return times without gaps: that of the one before, or at the beginning of the first that is known."""
+    last = next((time for time in times if time is not None), 0)
+    filled = []
+    for time in times:
+        last = last if time is None else time
+        filled.append(last)
+    return filled

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.datasets.findings import Finding
 from omnieval.errors import DatasetError
 
 _Cut = tuple[int, int, int | None]
@@ -102,6 +103,8 @@ class Sequence:
         that neither a cut nor frames appended later change it.
     card
         Name of the data card that describes the sequence's family, if any.
+    findings
+        What is odd about it (an error among them would have forbidden to load it), whatever the cut.
     cut_from
         (start, stride, limit) that cut this sequence out of the whole one at once, (0, 1, None) for the whole.
     """
@@ -113,6 +116,7 @@ class Sequence:
     camera: Camera = Camera()
     calibration: tuple[Frame, ...] = ()
     card: str | None = None
+    findings: tuple[Finding, ...] = ()
     cut_from: _Cut = (0, 1, None)
 
     CALIBRATION_FRAMES = 64

@@ -17,6 +17,7 @@ from scipy.io import savemat
 from omnieval.datasets import Camera, Mirror, load
 from omnieval.datasets.cards import GroundTruth, all_cards, card, overridden
 from omnieval.datasets.check import check
+from omnieval.datasets.findings import errors
 from omnieval.datasets.folder import scan_innova
 from omnieval.datasets.poses import scan_table
 from omnieval.errors import DatasetError
@@ -243,8 +244,8 @@ class TestFaults:
             ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,a,0\n"}, ("error", "bad-pose-row", "ground_truth.csv:12")),
             ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,1_0,0\n"}, ("error", "bad-pose-row", "ground_truth.csv:12")),
             ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,,0\n"}, ("error", "bad-pose-row", "ground_truth.csv:12")),
-            ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,nan,0\n"}, ("error", "bad-pose", "ground_truth.csv:12")),
-            ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,1e7,0\n"}, ("error", "bad-pose", "ground_truth.csv:12")),
+            ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,nan,0\n"}, ("warning", "bad-pose", "ground_truth.csv:12")),
+            ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,1e7,0\n"}, ("warning", "bad-pose", "ground_truth.csv:12")),
             (
                 "",
                 {"ground_truth.csv": "0,0,0\n" * 11 + "0,0,90\n"},
@@ -297,11 +298,11 @@ class TestFaults:
         for name in ("1.png", "2.png"):
             (root / "b" / name).write_bytes(image_bytes(".png"))
         found = scan_innova(root)
-        assert [(fault.code, fault.where) for fault in found.faults] == [("ambiguous-image", "gt.csv:1")]
-        assert ("warning", "several-folders") in [(remark.severity, remark.code) for remark in found.remarks]
+        assert [(fault.code, fault.where) for fault in errors(found.findings)] == [("ambiguous-image", "gt.csv:1")]
+        assert ("warning", "several-folders") in [(remark.severity, remark.code) for remark in found.findings]
         assert [frame.file for frame in found.frames if frame.pose is not None] == ["a/2.png"]
 
-    @pytest.mark.parametrize(("swap", "code"), [("7", "duplicate-time"), ("6.5", "backward-time")])
+    @pytest.mark.parametrize(("swap", "code"), [("7", "duplicate-time"), ("6.5", "names-not-in-order")])
     def test_times_that_do_not_follow_the_names(self, tmp_path, swap, code):
         root = make_named(tmp_path / "s")
         content = (root / "gt.csv").read_text()

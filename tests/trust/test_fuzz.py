@@ -24,6 +24,7 @@ from omnieval.config import Config, Setting, parameters, parse_assignment, read_
 from omnieval.datasets import load
 from omnieval.datasets.cards import card, overridden, parse_camera, parse_card
 from omnieval.datasets.cold import format_name, parse_name, scan_places
+from omnieval.datasets.findings import errors
 from omnieval.datasets.poses import scan_table
 from omnieval.datasets.registry import scan
 from omnieval.descriptors.archive import load_archive
@@ -156,13 +157,13 @@ def innova(place):
 def test_ground_truth_and_its_card_are_read_or_refused(innova, own, truth):
     (innova / "innova.toml").write_bytes(own)
     (innova / "gt.csv").write_bytes(truth)
-    for finding in (found := scan(f"innova:{innova}")).faults:
+    for finding in (found := scan(f"innova:{innova}")).findings:
         assert finding.message
         assert finding.message.isprintable()
     try:
         sequence = load(f"innova:{innova}")
     except DatasetError:
-        assert found.faults
+        assert errors(found.findings)
         return
     assert all(frame.path.is_relative_to(innova) for frame in sequence.frames)
 
