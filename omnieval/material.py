@@ -26,7 +26,7 @@ from omnieval.config import Config
 from omnieval.datasets import load
 from omnieval.datasets.findings import KindOfFinding, by_kind
 from omnieval.datasets.scan import FARTHEST_M
-from omnieval.datasets.sequence import Frame, Pose, Sequence
+from omnieval.datasets.sequence import Frame, Pose, Sequence, positions_of
 from omnieval.descriptors.archive import Archive, load_archive
 from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import DescribedFrame, Describer
@@ -81,9 +81,9 @@ class Material:
     frames
         The frames.
     positions
-        True capture positions, shape (n, 2), metres; None when not all are known.
+        True capture positions, shape (n, 2), metres, NaN where unknown; None when none is known.
     unposed
-        Why they are not known, None if they are.
+        Which are not known, and why; None if all are.
     described
         The frames' descriptions, in order, computed as they are asked for.
     camera
@@ -331,7 +331,6 @@ def _of_archive(file: Path, cut: Cut) -> Material:
         )
     frames = tuple(archive.frames[index] for index in chosen)
     posed = tuple(map(_within_a_building, frames))
-    poses = [frame.pose for frame in posed]
     return Material(
         name=file.stem,
         source=f"{ARCHIVE_SCHEME}{file.resolve()}",
@@ -339,7 +338,7 @@ def _of_archive(file: Path, cut: Cut) -> Material:
         descriptor=ARCHIVE,
         cells=archive.orientation.shape[1],
         frames=posed,
-        positions=None if None in poses else np.array([[pose.x, pose.y] for pose in poses if pose]),
+        positions=positions_of(posed),
         unposed=why_unposed(frames),
         described=_of_arrays(archive, chosen),
     )

@@ -110,7 +110,7 @@ class Described:
     frames
         The n images.
     positions
-        True capture positions, shape (n, 2), metres; None when not all are known.
+        True capture positions, shape (n, 2), metres, NaN where unknown; None when none is known.
     folder
         Holds ``position.npy``, shape (n, d), and ``orientation.npy``, shape (n, cells, bins), float32.
     fingerprint

@@ -31,11 +31,11 @@ class Images:
     descriptors
         Position descriptors, shape (n, d).
     positions
-        True capture positions, shape (n, 2), metres; None when they are not known.
+        True capture positions, shape (n, 2), metres, NaN where unknown; None when none is known.
     rooms
         Room labels, length n, None where there is none.
     unposed
-        Why the positions are not known; None if they are, or for want of any pose.
+        Which positions are not known, and why; None if all are, or for want of any pose.
     """
 
     source: str
@@ -98,8 +98,16 @@ def _time_slices(images: Images, similarity: Similarity, largest: int, seed: int
 
 def _positions(images: Images, similarity: Similarity, largest: int, seed: int) -> Partition:
     positions = _need_positions(images)
-    different = len(np.unique(positions, axis=0))
-    return lambda k: position_clusters(positions, min(k, different), seed=seed)
+    known = np.isfinite(positions).all(axis=1)
+    located = positions[known]
+    different = len(np.unique(located, axis=0))
+
+    def part(k: int) -> Labels:
+        labels = np.zeros(len(positions), np.int64)
+        labels[known] = position_clusters(located, min(k, different), seed=seed)
+        return labels
+
+    return part
 
 
 def _rooms(images: Images, similarity: Similarity, largest: int, seed: int) -> Partition:
@@ -121,7 +129,7 @@ def _need_river(images: Images) -> None:
 def _need_positions(images: Images) -> NDArray[np.float64]:
     if images.positions is None:
         reason = images.unposed or "the sequence has no poses"
-        raise DatasetError(f"{images.source}: {reason}; method positions needs the position of every image")
+        raise DatasetError(f"{images.source}: {reason}; method positions needs positions")
     return images.positions
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -149,25 +151,31 @@ class Sequence:
 
     @property
     def positions(self) -> NDArray[np.float64] | None:
-        """Capture positions, shape (n, 2), metres; None unless every frame has a finite one."""
-        return self._poses(("x", "y"))
+        """Capture positions, shape (n, 2), metres; NaN where unknown, None where none is known."""
+        return positions_of(self.frames)
 
     @property
     def yaws(self) -> NDArray[np.float64] | None:
-        """Headings, shape (n,), radians; None unless every frame has a finite one."""
-        yaws = self._poses(("yaw",))
-        return None if yaws is None else yaws[:, 0]
+        """Headings, shape (n,), radians; NaN where unknown, None where none is known."""
+        poses = (frame.pose for frame in self.frames)
+        yaws = np.array([math.nan if pose is None else pose.yaw for pose in poses])
+        return yaws if np.isfinite(yaws).any() else None
 
     @property
     def rooms(self) -> tuple[str | None, ...]:
         """Room label of every frame, None where there is none."""
         return tuple(frame.room for frame in self.frames)
 
-    def _poses(self, fields: tuple[str, ...]) -> NDArray[np.float64] | None:
-        if any(frame.pose is None for frame in self.frames):
-            return None
-        values = np.array([[getattr(frame.pose, name) for name in fields] for frame in self.frames])
-        return values if np.isfinite(values).all() else None
+
+def positions_of(frames: Iterable[Frame]) -> NDArray[np.float64] | None:
+    """Return capture positions, shape (n, 2), metres, NaN where unknown or not finite; None where none is known."""
+    poses = (frame.pose for frame in frames)
+    values = np.array([(math.nan, math.nan) if pose is None else (pose.x, pose.y) for pose in poses])
+    known = np.isfinite(values).all(axis=-1)
+    if not known.any():
+        return None
+    values[~known] = math.nan
+    return values
 
 
 def _composed(first: _Cut, then: _Cut) -> _Cut:

@@ -64,14 +64,12 @@ def refused_closures(run: Run, *, within: float = NEAR_METRES, ago: int = AGO_ST
     Raises
     ------
     ResultError
-        If a position is missing.
+        If no position is known; an image without one is judged by none, and judges none.
     """
     steps = run.steps
     positions = steps.select("x", "y").to_numpy()
-    if steps.is_empty() or not np.isfinite(positions).all():
-        raise ResultError(
-            f"{run.folder} has no complete ground-truth positions to judge refusals by; explain single steps"
-        )
+    if steps.is_empty() or not np.isfinite(positions).any():
+        raise ResultError(f"{run.folder} has no ground-truth positions to judge refusals by; explain single steps")
     rows = _missed_closures(steps, positions, run.method, within, ago)
     return pl.DataFrame(list(rows), schema=_SCHEMA).sort("missing", "step", nulls_last=True)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnieval.baselines.controls import position_clusters, time_slices
 from omnieval.mapping.step import Placement
 from omnieval.metrics.agreement import RoomAgreement, room_agreement
-from omnieval.metrics.silhouette import Silhouettes, silhouettes
+from omnieval.metrics.silhouette import Silhouettes, posed, silhouettes
 
 _SHARES = {
     "share_assigned": Placement.LOOP_CLOSURE,
@@ -27,7 +27,9 @@ _SILHOUETTES = tuple(field.name for field in dataclasses.fields(Silhouettes))
 _CONTROLS = ("silhouette_time_slices", "silhouette_positions")
 _AGREEMENT = tuple(field.name for field in dataclasses.fields(RoomAgreement))
 
-METRICS = ("nodes", *_SHARES, *_SILHOUETTES, *_CONTROLS, *_AGREEMENT)
+COUNTS = ("nodes", "posed", "labelled")
+"""The metrics that are whole numbers."""
+METRICS = (*COUNTS, *_SHARES, *_SILHOUETTES, *_CONTROLS, *_AGREEMENT)
 """The names of all metrics, in the order of `Evaluation.metrics`."""
 
 
@@ -59,20 +61,24 @@ def evaluate(
         How each image came to its node, length n; the six shares sum to 1. None for a partition that was not made
         image by image: of the shares, only `share_unassigned` has a value.
     positions
-        True capture positions, shape (n, 2), metres; None when they are not known.
+        True capture positions, shape (n, 2), metres, NaN where unknown; None when none is known. Silhouettes are over
+        the images that have one, which `posed` counts.
     rooms
-        Room of each image, None where it has no label, length n; None when the sequence has no labels.
+        Room of each image, None where it has no label, length n; None when the sequence has no labels. Agreement is
+        over the images that have one, which `labelled` counts.
     seed
         Root seed of the k-means control.
     unposed
-        Why the positions are not known; default: that the sequence has no poses.
+        Why no position is known; default: that the sequence has no poses.
     """
     nodes = len(np.unique(labels[labels > 0]))
+    located = 0 if positions is None else int(posed(positions).sum())
+    labelled = sum(room is not None for room in rooms or ())
     parts = (
-        Evaluation({"nodes": nodes}, {}),
+        Evaluation({"nodes": nodes, "posed": located, "labelled": labelled}, {}),
         _shares(labels, placements),
         _silhouettes(labels, positions, nodes, seed)
-        if positions is not None
+        if positions is not None and located
         else _null((*_SILHOUETTES, *_CONTROLS), unposed or "the sequence has no poses"),
         _agreement(labels, rooms),
     )
@@ -95,7 +101,13 @@ def _shares(labels: NDArray[np.int64], placements: Sequence[Placement] | None) -
 def _silhouettes(labels: NDArray[np.int64], positions: NDArray[np.float64], nodes: int, seed: int) -> Evaluation:
     if nodes < 2:
         return _null((*_SILHOUETTES, *_CONTROLS), f"a silhouette needs at least two nodes, the map has {nodes}")
+    known = posed(positions)
+    labels, positions = labels[known], positions[known]
     placed = labels > 0
+    nodes = len(np.unique(labels[placed]))
+    if nodes < 2:
+        what = f"of {len(known)} images {len(labels)} have a position, and they lie in fewer than two nodes"
+        return _null((*_SILHOUETTES, *_CONTROLS), what)
     metrics: dict[str, float | int | None] = dataclasses.asdict(silhouettes(positions[placed], labels[placed]))
     metrics["silhouette_time_slices"] = silhouettes(positions, time_slices(len(labels), nodes)).silhouette
     if len(np.unique(positions, axis=0)) < nodes:

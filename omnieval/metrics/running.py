@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,7 @@ class SilhouetteSoFar:
     Parameters
     ----------
     positions
-        True capture positions, shape (n, 2), metres.
+        True capture positions, shape (n, 2), metres; NaN where unknown, which leaves the image out.
     """
 
     def __init__(self, positions: NDArray[np.float64]) -> None:
@@ -36,4 +38,5 @@ class SilhouetteSoFar:
 
     def _add(self, frame: int, node: int) -> None:
         x, y = self._positions[frame].tolist()
-        self._silhouette.add((x, y), node)
+        if math.isfinite(x) and math.isfinite(y):
+            self._silhouette.add((x, y), node)

@@ -40,21 +40,29 @@ class Silhouettes:
     silhouette_sq: float
 
 
+def posed(positions: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell of which images the position is known, shape (n,); `positions` has shape (n, 2), NaN where it is not."""
+    known: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(positions), axis=1)
+    return known
+
+
 def silhouettes(positions: NDArray[np.float64], labels: NDArray[np.int64]) -> Silhouettes:
-    """Return the silhouettes of a partition.
+    """Return the silhouettes of a partition, over the images whose positions are known.
 
     Parameters
     ----------
     positions
-        Capture positions, shape (n, 2), metres.
+        Capture positions, shape (n, 2), metres; NaN where unknown, which leaves the image out.
     labels
-        Cluster of each image, shape (n,), at least two different ones.
+        Cluster of each image, shape (n,), at least two different ones where positions are known.
 
     Raises
     ------
     ValueError
         If there are fewer than two clusters.
     """
+    known = posed(positions)
+    positions, labels = positions[known], labels[known]
     clusters, codes = np.unique(labels, return_inverse=True)
     if len(clusters) < 2:
         raise ValueError("a silhouette needs at least two clusters")
@@ -96,8 +104,11 @@ class IncrementalSilhouette:
         self._sums[count] = np.bincount(self._codes[: count + 1], distances, minlength=width)
 
     def merge(self, cluster: int, into: int) -> None:
-        """Move all images of a cluster into another; both must exist."""
-        source, target = self._columns[cluster], self._columns[into]
+        """Move all images of a cluster into another; a cluster may be without any."""
+        if cluster not in self._columns:
+            return
+        source, target = self._columns[cluster], self._columns.setdefault(into, len(self._columns))
+        self._grow(target)
         codes = self._codes[: self._count]
         codes[codes == source] = target
         self._sums[:, target] += self._sums[:, source]

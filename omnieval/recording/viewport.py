@@ -63,8 +63,9 @@ class Window:
 
 
 def extent_of(positions: NDArray[np.float64]) -> Extent | None:
-    """Return the extent of capture positions, shape (n, 2), metres; None unless all are known."""
-    if not len(positions) or not np.isfinite(positions).all():
+    """Return the extent of capture positions, shape (n, 2), metres, NaN where unknown; None if none is known."""
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    if not len(positions):
         return None
     (x_min, y_min), (x_max, y_max) = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
     return (x_min, y_min, x_max, y_max)

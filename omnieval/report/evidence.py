@@ -15,7 +15,7 @@ from omnieval.baselines.spectral import spectral_embedding
 from omnieval.errors import ResultError
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Role, Step
-from omnieval.metrics.silhouette import silhouettes
+from omnieval.metrics.silhouette import posed, silhouettes
 from omnieval.remap import decided_again
 from omnieval.report.sources import Replay
 from omnieval.results.tables import read_steps
@@ -115,7 +115,7 @@ def batch_curve(
     descriptors
         Position descriptors, shape (n, d).
     positions
-        True capture positions, shape (n, 2), metres.
+        True capture positions, shape (n, 2), metres; NaN where unknown, which leaves the image out.
     ks
         Numbers of clusters, at least 2; those above n are left out.
     seed
@@ -139,16 +139,39 @@ def batch_curve(
         return pl.DataFrame(schema={"k": pl.Int64, "silhouette": pl.Float64, "time_slices": pl.Float64})
     embedding = spectral_embedding(similarity_matrix(descriptors, "gaussian-median"), max(usable))
     rows = []
+    known = posed(positions)
     for done, k in enumerate(usable, start=1):
         labels = embedding.cluster(k, seed=seed)
-        found = silhouettes(positions, labels).silhouette if len(np.unique(labels)) > 1 else None
-        slices = silhouettes(positions, time_slices(len(positions), k)).silhouette
-        rows.append({"k": k, "silhouette": found, "time_slices": slices})
+        slices = np.zeros(len(positions), np.int64)
+        slices[known] = time_slices(int(known.sum()), min(k, int(known.sum())))
+        rows.append(
+            {
+                "k": k,
+                "silhouette": silhouette_or_none(positions, labels),
+                "time_slices": silhouette_or_none(positions, slices),
+            }
+        )
         if progress:
             progress(done, len(usable))
-    return pl.DataFrame(rows)
+    return pl.DataFrame(rows, schema={"k": pl.Int64, "silhouette": pl.Float64, "time_slices": pl.Float64})
+
+
+def silhouette_or_none(positions: NDArray[np.float64], labels: NDArray[np.int64]) -> float | None:
+    """Return the silhouette of the images that have a node and a position; None if they lie in fewer than two nodes.
+
+    Parameters
+    ----------
+    positions
+        True capture positions, shape (n, 2), metres, NaN where unknown.
+    labels
+        Node of every image, shape (n,), 0 where it has none.
+    """
+    judged = posed(positions) & (labels > 0)
+    if len(np.unique(labels[judged])) < 2:
+        return None
+    return silhouettes(positions[judged], labels[judged]).silhouette
 
 
 def positions_of(steps: pl.DataFrame) -> NDArray[np.float64]:
-    """Return the true capture positions, shape (n, 2), metres."""
+    """Return the true capture positions, shape (n, 2), metres, NaN where unknown."""
     return steps.select("x", "y").to_numpy()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import altair as alt
@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from omnieval.metrics.silhouette import silhouettes
+from omnieval.metrics.silhouette import posed
 from omnieval.palette import BATCH, INK, PAPER, node_color, node_shape
-from omnieval.report.evidence import Moment, moments, positions_of
+from omnieval.report.evidence import Moment, moments, positions_of, silhouette_or_none
 from omnieval.report.figure import Chart, Figure, Skipped
 from omnieval.report.published import is_papers
 from omnieval.report.sources import Replay
@@ -34,7 +34,8 @@ def map_figure(replay: Replay) -> Figure | Skipped:
         return Skipped(title, "the sequence has no poses, so there is no bird's-eye view")
     shown = _ten_moments(replay)
     positions = positions_of(replay.steps)
-    stride = -(-len(positions) // _MOST_IMAGES)
+    located = int(posed(positions).sum())
+    stride = -(-located // _MOST_IMAGES)
     panel = _Panel(positions, stride)
     charts = [
         panel.chart(moment, _panel_title(moment, len(positions), last), place, len(shown))
@@ -50,6 +51,7 @@ def map_figure(replay: Replay) -> Figure | Skipped:
                 "Where the images were taken, in metres, coloured by the node they were in at that moment; nodes keep "
                 "colour, shape and number throughout, and the number stands at the middle image of the node.",
                 "Grey crosses belong to no node yet.",
+                f"{located} of {len(positions)} images have a position." if located < len(positions) else "",
                 f"Every {ordinal(stride)} image is drawn." if stride > 1 else "",
                 _last_words(replay),
                 "Corresponds to Figs 13 to 15 of the paper." if is_papers(replay) else "",
@@ -109,8 +111,8 @@ class _Panel:
 
     def __init__(self, positions: NDArray[np.float64], stride: int) -> None:
         self._positions = positions
-        self._stride = stride
-        low, high = positions.min(axis=0), positions.max(axis=0)
+        self._drawn = np.flatnonzero(posed(positions))[::stride]
+        low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
         margin = 0.04 * max(float((high - low).max()), 1.0)
         self._low, self._high = low - margin, high + margin
         across, up = (self._high - self._low).tolist()
@@ -122,10 +124,12 @@ class _Panel:
         """Return the map at a moment; axes have their titles at the left and at the bottom only."""
         x_title = "x (m)" if place >= places - self.columns else None
         y_title = "y (m)" if place % self.columns == 0 else None
-        rows = [self._row(frame, int(moment.labels[frame])) for frame in range(0, len(moment.labels), self._stride)]
+        until = self._drawn[self._drawn < len(moment.labels)].tolist()
+        rows = [self._row(frame, int(moment.labels[frame])) for frame in until]
         middles = [
-            self._row(_middle(moment.labels, self._positions, int(node)), int(node))
-            for node in np.unique(moment.labels[moment.labels > 0])
+            self._row(_middle(frames, self._positions), node)
+            for node, frames in _members(moment.labels, self._positions)
+            if node
         ]
         images = self._encoded(rows, x_title, y_title).mark_point(filled=True, size=30, opacity=0.9)
         images = images.encode(
@@ -183,15 +187,18 @@ def _nodes(moment: Moment) -> int:
 
 
 def _silhouette(moment: Moment, positions: NDArray[np.float64] | None) -> float | None:
-    placed = moment.labels > 0
-    if positions is None or _nodes(moment) < 2:
-        return None
-    return silhouettes(positions[: len(placed)][placed], moment.labels[placed]).silhouette
+    return None if positions is None else silhouette_or_none(positions[: len(moment.labels)], moment.labels)
 
 
-def _middle(labels: NDArray[np.int64], positions: NDArray[np.float64], node: int) -> int:
-    """Return the image of a node that is nearest to the median of their positions."""
-    frames = np.flatnonzero(labels == node)
+def _members(labels: NDArray[np.int64], positions: NDArray[np.float64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield every node, 0 for none, that has images with a position, and these."""
+    known = posed(positions[: len(labels)])
+    for node in np.unique(labels[known]).tolist():
+        yield node, np.flatnonzero(known & (labels == node))
+
+
+def _middle(frames: NDArray[np.int64], positions: NDArray[np.float64]) -> int:
+    """Return the one of some images that is nearest to the median of their positions."""
     center = np.median(positions[frames], axis=0)
     return int(frames[np.argmin(np.linalg.norm(positions[frames] - center, axis=1))])
 
@@ -199,15 +206,14 @@ def _middle(labels: NDArray[np.int64], positions: NDArray[np.float64], node: int
 def _node_rows(shown: Sequence[tuple[Moment, bool]], positions: NDArray[np.float64]) -> pl.DataFrame:
     rows = []
     for moment, last in shown:
-        for node in np.unique(moment.labels).tolist():
-            frames = np.flatnonzero(moment.labels == node)
+        for node, frames in _members(moment.labels, positions):
             x, y = np.median(positions[frames], axis=0).tolist()
             rows.append(
                 {
                     "after image": moment.frame,
                     "map": "final" if last else "so far",
                     "node": node or None,
-                    "images": len(frames),
+                    "images": int((moment.labels == node).sum()),
                     "median x (m)": x,
                     "median y (m)": y,
                 }

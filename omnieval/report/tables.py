@@ -22,6 +22,7 @@ _PIECES = (
 )
 _GARBLED = "y and Ω of Freiburg with gist are hard to read in the printed text."
 _SUMMARY = {
+    "posed": "with position",
     "silhouette": "silhouette",
     "silhouette_time_slices": "of time slices",
     "silhouette_positions": "of true positions",
@@ -48,9 +49,9 @@ def summary_table(sources: Sources) -> Table:
         title = f"{baseline.name}, best: {method_name(baseline)}"
         rows.append((title, row["dataset"], row["method"], row["descriptor"], None, *_measured(row)))
     notes = [
-        "Silhouette over true positions, beside that of equal time slices and of k-means on the true positions, both "
-        "with as many clusters; agreement of nodes and rooms (adjusted Rand index); share of images placed by a loop "
-        "closure."
+        "Silhouette over the images with a true position, beside that of equal time slices and of k-means on the true "
+        "positions, both with as many clusters; agreement of nodes and rooms (adjusted Rand index); share of images "
+        "placed by a loop closure."
     ]
     if not sources.sweeps and any(map(is_papers, sources.replays)):
         notes.append("Figs 9 and 10 and Table 2 of the paper need a sweep: omnieval ablate --preset figures-9-10.")

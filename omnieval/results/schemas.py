@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 
 from omnieval.mapping.interface import Column
 from omnieval.mapping.step import EventKind, Placement, Role
-from omnieval.metrics.evaluation import METRICS
+from omnieval.metrics.evaluation import COUNTS, METRICS
 
 SCHEMA_VERSION = 3
 
@@ -103,13 +103,13 @@ NODES = _schema(
     }
 )
 """One row a node that ever was. `created`, `activated`, `merged` are frames, `extent` the diagonal of the bounding
-box of its images (metres), `representative` the mean position descriptor, `representative_frame` the image nearest
-to it; null for nodes that merged into another."""
+box of those of its images that have a position (metres), `representative` the mean position descriptor,
+`representative_frame` the image nearest to it; null for nodes that merged into another."""
 
 TRANSITIONS = _schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
 """The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""
 
-_METRICS: dict[str, type[pl.DataType]] = {name: pl.Int32 if name == "nodes" else pl.Float64 for name in METRICS}
+_METRICS: dict[str, type[pl.DataType]] = {name: pl.Int32 if name in COUNTS else pl.Float64 for name in METRICS}
 
 PARTITIONS = _schema(
     {

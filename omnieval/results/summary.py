@@ -32,8 +32,12 @@ def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "silhouette", _value(metrics["silhouette"], reasons.get("silhouette"))
     yield "  time slices", _value(metrics["silhouette_time_slices"], reasons.get("silhouette_time_slices"))
     yield "  true positions", _value(metrics["silhouette_positions"], reasons.get("silhouette_positions"))
+    if part := _part(metrics.get("posed"), manifest["frames"], "have a position: silhouettes are over these"):
+        yield "  images", part
     if metrics["rooms_ari"] is not None:
         yield "room labels", f"ARI {metrics['rooms_ari']:.3f}, purity {metrics['rooms_purity']:.3f}"
+        if part := _part(metrics.get("labelled"), manifest["frames"], "have a label: agreement is over these"):
+            yield "  images", part
     shares = {
         "by loop closure": "share_assigned",
         "by a pending node": "share_pending",
@@ -53,6 +57,11 @@ def skipped_images(manifest: Mapping[str, Any]) -> str | None:
     if not skipped:
         return None
     return in_words([BadImage(**bad) for bad in skipped], manifest["frames"] + len(skipped))
+
+
+def _part(known: float | None, frames: int, words: str) -> str | None:
+    """Say over how many images metrics are; None if over all, or where it is not known."""
+    return f"{known:.0f} of {frames} {words}" if known and known < frames else None
 
 
 def _value(value: float | int | None, reason: str | None) -> str:

@@ -210,7 +210,8 @@ def _history(steps: pl.DataFrame) -> dict[int, dict[str, int | None]]:
 
 
 def _extent(positions: NDArray[np.float64]) -> dict[str, float | None]:
-    if not np.isfinite(positions).all():
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    if not len(positions):
         return {}
     center = positions.mean(axis=0)
     return {

@@ -85,6 +85,12 @@ def test_methods_say_what_they_lack():
         METHODS["rooms"].check(bare)
 
 
+def test_images_without_a_position_are_in_no_cluster_of_positions():
+    positions = np.array([[0.0, 0], [np.nan, np.nan], [5, 5], [0, 1]])
+    images = Images("some", np.eye(4, dtype=np.float32), positions, (None,) * 4)
+    assert partition("positions", images, 2).tolist() == [1, 0, 2, 1]
+
+
 def test_images_without_a_label_are_in_no_room():
     images = Images("some", np.eye(4, dtype=np.float32), None, ("B", None, "A", "B"))
     assert partition("rooms", images, 0).tolist() == [1, 0, 2, 1]

@@ -64,7 +64,8 @@ def test_poses_rooms_and_times_come_from_the_table(tmp_path):
 def test_an_image_without_a_row_has_no_pose(tmp_path):
     sequence = read_folder(make_folder(tmp_path / "f", ["1.png", "2.png"], "file,x,y,yaw\n1.png,0,0,0\n"))
     assert [frame.pose is None for frame in sequence.frames] == [False, True]
-    assert sequence.positions is None
+    np.testing.assert_array_equal(sequence.positions, [[0, 0], [np.nan, np.nan]])
+    np.testing.assert_array_equal(sequence.yaws, [0, np.nan])
 
 
 def test_an_excel_byte_order_mark_does_no_harm(tmp_path):

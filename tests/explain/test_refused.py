@@ -79,5 +79,5 @@ def test_without_poses_there_is_nothing_to_judge_by(panoramas, tmp_path):
     for file in sorted(panoramas.glob("image?.png")) + sorted(panoramas.glob("image1?.png")):
         (folder / file.name).write_bytes(file.read_bytes())
     run = replay(load(f"folder:{folder}"), out=tmp_path / "run")
-    with pytest.raises(ResultError, match="no complete ground-truth positions"):
+    with pytest.raises(ResultError, match="no ground-truth positions"):
         refused_closures(run)

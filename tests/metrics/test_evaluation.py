@@ -54,6 +54,36 @@ def test_without_poses_position_metrics_are_null_with_a_reason():
     assert evaluation.metrics["nodes"] == 3
 
 
+def test_images_without_a_position_are_left_out_and_counted():
+    """The silhouettes of part of the images are those of a sequence that has no others."""
+    labels, placements, positions = a_map()
+    known = np.array([True, True, True, False, True, True, False, True])
+    rooms = ["A", None, "A", "B", "B", "B", None, "B"]
+    part = evaluate(labels, placements, np.where(known[:, np.newaxis], positions, np.nan), rooms=rooms, seed=0)
+    alone = evaluate(labels[known], None, positions[known], rooms=None, seed=0).metrics
+    assert {name: part.metrics[name] for name in SILHOUETTES | CONTROLS} == {
+        name: alone[name] for name in SILHOUETTES | CONTROLS
+    }
+    assert (part.metrics["nodes"], part.metrics["posed"], part.metrics["labelled"]) == (3, 6, 6)
+    assert part.reasons == {}
+
+
+def test_positions_in_one_node_only_have_no_silhouette():
+    labels, placements, positions = a_map()
+    positions[2:] = np.nan
+    evaluation = evaluate(labels, placements, positions, rooms=None, seed=0)
+    assert evaluation.metrics["posed"] == 2
+    assert evaluation.reasons["silhouette"] == "of 8 images 2 have a position, and they lie in fewer than two nodes"
+
+
+def test_positions_of_which_none_is_known_are_none():
+    labels, placements, positions = a_map()
+    nothing = np.full_like(positions, np.nan)
+    assert evaluate(labels, placements, nothing, rooms=None, seed=0) == evaluate(
+        labels, placements, None, rooms=None, seed=0
+    )
+
+
 @pytest.mark.parametrize(("labels", "nodes"), [([0, 0, 0], 0), ([5, 5, 5], 1)])
 def test_fewer_than_two_nodes_have_no_silhouette(labels, nodes):
     evaluation = evaluate(np.array(labels), [Placement.FOUNDING] * 3, np.eye(3, 2), rooms=None, seed=0)

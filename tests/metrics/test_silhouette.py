@@ -65,6 +65,19 @@ def test_identical_positions_score_zero():
     assert found.silhouette_literal == 0.0
 
 
+def test_clusters_without_a_known_position_are_merged_like_others():
+    """Their images are left out, so that they have none to move, or none to move them to."""
+    positions = np.array([[0.0, 0], [1, 0], [9, 0], [np.nan, np.nan]])
+    follower = IncrementalSilhouette()
+    for position in positions[:2]:
+        follower.add(tuple(position), 1)
+    follower.add(tuple(positions[2]), 2)
+    follower.merge(7, 1)
+    follower.merge(2, 8)
+    labels = np.array([1, 1, 8, 7])
+    assert follower.value() == pytest.approx(silhouettes(positions, labels).silhouette)
+
+
 def test_one_cluster_has_no_silhouette():
     with pytest.raises(ValueError, match="two clusters"):
         silhouettes(np.zeros((3, 2)), np.ones(3, np.int64))

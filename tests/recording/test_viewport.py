@@ -34,5 +34,6 @@ def test_building_and_legend_are_inside_the_window_and_apart(width, height):
 
 def test_the_extent_is_that_of_all_positions_or_unknown():
     assert extent_of(np.array([[1.0, 5.0], [-2.0, 6.0]])) == (-2.0, 5.0, 1.0, 6.0)
+    assert extent_of(np.array([[1.0, 5.0], [np.nan, 3.0], [-2.0, 6.0]])) == (-2.0, 5.0, 1.0, 6.0)
     assert extent_of(np.array([[1.0, np.nan]])) is None
     assert extent_of(np.zeros((0, 2))) is None

@@ -29,6 +29,7 @@ from omnieval.report.maps import map_figure, progress_figure
 from omnieval.report.replays import draw_replay
 from omnieval.report.series import gate_figure, step_times, time_figure, visited_gates
 from omnieval.report.sources import open_sources
+from omnieval.results.summary import summary_fields
 from tests.report.charts import figure_of, rows_of
 from tests.report.conftest import SMALL, replay_of
 
@@ -231,6 +232,24 @@ def test_a_replay_without_poses_says_what_is_missing(unposed):
     assert set(missing) == {"The map at ten moments", "Batch clustering over the number of clusters"}
     assert all("no poses" in reason for reason in missing.values())
     assert drawn.batch is None
+
+
+def test_a_replay_with_some_poses_is_drawn_and_judged_over_these(panoramas, tmp_path):
+    images = shutil.copytree(panoramas, tmp_path / "images")
+    table = (images / "poses.csv").read_text().splitlines(keepends=True)
+    (images / "poses.csv").write_text("".join(table[:3] + table[6:]))
+    run = replay_of(images, tmp_path / "run")
+    known = run.steps.drop_nulls("x")
+    assert run.metrics["posed"] == len(known) == 77
+    labels = known["node_final"].to_numpy()
+    assert run.metrics["silhouette"] == silhouettes(known.select("x", "y").to_numpy(), labels).silhouette
+    assert ("  images", "77 of 80 have a position: silhouettes are over these") in list(summary_fields(run.manifest))
+    assert run.nodes["center_x"].null_count() == run.nodes["merged"].drop_nulls().len()
+    (drawn,) = open_sources([run.folder]).replays
+    assert skipped(draw_replay(drawn, [], step=None, figures=True)) == {}
+    figure = figure_of(map_figure(drawn))
+    assert "77 of 80 images have a position." in figure.caption
+    assert {row["frame"] for row in rows_of(figure)} == {*range(80)} - {2, 3, 4}
 
 
 @pytest.fixture

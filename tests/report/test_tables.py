@@ -71,8 +71,8 @@ def test_the_papers_own_sequence_is_not_called_another():
 def test_the_summary_has_everything_that_was_given(sources):
     rows = summary_table(sources).groups[0][1]
     assert [row[0] for row in rows] == ["three-hog", "sweep, best", "spectral, best: batch spectral"]
-    assert rows[0][4:7] == (80, sources.replays[0].nodes, sources.replays[0].metrics["silhouette"])
-    assert rows[2][6] == sources.baselines[0].table["silhouette"].max()
+    assert rows[0][4:8] == (80, sources.replays[0].nodes, 80, sources.replays[0].metrics["silhouette"])
+    assert rows[2][7] == sources.baselines[0].table["silhouette"].max()
 
 
 def test_a_baseline_is_shown_row_by_row(sources):

@@ -113,10 +113,12 @@ def test_true_positions_that_are_all_one_place(mapped):
         assert manifest["null_reasons"]["silhouette_positions"] == "there are fewer different positions than nodes"
 
 
-def test_positions_of_some_images_only_are_no_positions(mapped):
+def test_positions_of_some_images_only_are_judged_by_these(mapped):
     arrays = _places(3, 14)
     arrays["xy"][5] = np.nan
-    assert _null(mapped(arrays, "merge_y=0")) >= OVER_POSITIONS
+    manifest = mapped(arrays, "merge_y=0")
+    assert not _null(manifest) & OVER_POSITIONS
+    assert (manifest["metrics"]["posed"], manifest["frames"]) == (41, 42)
 
 
 def test_positions_of_no_building(mapped):
