@@ -1,4 +1,7 @@
-"""From a source to its sequence: ``synthetic[:LIGHT]``, ``cold:PATH``, ``innova:PATH``, ``folder:PATH`` or a path."""
+"""From a source to its sequence: ``synthetic[:LIGHT]``, a scheme and a path such as ``cold:PATH``, or a path alone.
+
+Options of videos and bags are part of the source; see `omnieval.datasets.source`.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from omnieval.datasets.scan import (
     visible_names,
 )
 from omnieval.datasets.sequence import Sequence
+from omnieval.datasets.source import STREAMS, parse, split
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, safe_name, shown
 
@@ -28,6 +32,8 @@ _SCANNERS = {
     "cold": "omnieval.datasets.cold:scan_cold",
     "innova": "omnieval.datasets.folder:scan_innova",
     "folder": "omnieval.datasets.folder:scan_folder",
+    "video": "omnieval.datasets.streams.video:scan_video",
+    "bag": "omnieval.datasets.streams.bag:scan_bag",
 }
 """Reader of each scheme, by its place, so that a reader is imported only when it is used."""
 
@@ -57,7 +63,7 @@ def scan(source: str | Path) -> Scan:
     if scheme is None:
         return _scan_bare(rest)
     if not rest and scheme not in _WITHOUT_PATH:
-        raise DatasetError(f"{scheme}: names no folder; write {scheme}:PATH")
+        raise DatasetError(f"{scheme}: names no place; write {scheme}:PATH")
     return _scanner(scheme)(rest)
 
 
@@ -80,6 +86,41 @@ def split_source(source: str | Path) -> tuple[str | None, str]:
     return None, source
 
 
+def stream_scheme(rest: str) -> str | None:
+    """Return the scheme of a bare path to a video or bag, with or without options; None if it names neither."""
+    from omnieval.datasets.streams.names import is_bag, is_video
+
+    path = canonical_path(split(rest)[0])
+    return "video" if is_video(path) else "bag" if is_bag(path) else None
+
+
+def canonical(source: str) -> str:
+    """Return a source as sequences record it, so that two names of one sequence are equal. No image is read.
+
+    Raises
+    ------
+    DatasetError
+        If the source is unknown, or a bare path holds no sequence.
+    """
+    scheme, rest = split_source(source)
+    if scheme is None:
+        scheme = stream_scheme(rest)
+        return load(source).source if scheme is None else parse(scheme, rest).source
+    if scheme in STREAMS:
+        return parse(scheme, rest).source
+    if scheme in _WITHOUT_PATH:  # asking for it would render the building
+        from omnieval.datasets.synthetic import LIGHTS
+
+        return f"{scheme}:{rest or LIGHTS[0]}"
+    return f"{scheme}:{canonical_path(rest)}"
+
+
+def place_of(source: str) -> Path | None:
+    """Return where a canonical source lies; None for one that lies nowhere."""
+    scheme, _, rest = source.partition(":")
+    return None if scheme in _WITHOUT_PATH else Path(split(rest)[0] if scheme in STREAMS else rest)
+
+
 def _scanner(scheme: str) -> Callable[[str], Scan]:
     return cast("Callable[[str], Scan]", pkgutil.resolve_name(_SCANNERS[scheme]))
 
@@ -91,6 +132,8 @@ def _scan_bare(path: str) -> Scan:
 
     if not path:
         raise DatasetError(f"the source is empty; {did_you_mean('', _SCANNERS)}")
+    if (stream := stream_scheme(path)) is not None:
+        return _scanner(stream)(path)
     root = canonical_path(path)
     base = Scan(safe_name(root.name), str(root), root)
     fault = missing_folder(root)

@@ -12,10 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from omnieval.config import Config, resolve
-from omnieval.datasets import load
-from omnieval.datasets.registry import split_source
-from omnieval.datasets.scan import canonical_path
-from omnieval.datasets.synthetic import LIGHTS
+from omnieval.datasets.registry import canonical, place_of
 from omnieval.errors import ConfigError, DatasetError, OmnievalError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.loop import replay
@@ -222,8 +219,8 @@ def refuse_missing(source: str) -> None:
     DatasetError
         If it does not.
     """
-    place = Path(source.partition(":")[2])
-    if place.is_absolute() and not place.exists():
+    place = place_of(source)
+    if place is not None and place.is_absolute() and not place.exists():
         raise DatasetError(f"there is no {place}; sources are relative to the working directory")
 
 
@@ -237,11 +234,7 @@ def canonical_source(source: str) -> str:
     """
     if (file := archive_file(source)) is not None:
         return f"{ARCHIVE_SCHEME}{file.resolve()}"
-    scheme, rest = split_source(source)
-    if scheme is None:
-        return load(source).source
-    # Asking the registry would render the building first.
-    return f"{scheme}:{rest or LIGHTS[0]}" if scheme == "synthetic" else f"{scheme}:{canonical_path(rest)}"
+    return canonical(source)
 
 
 def portable(name: str) -> str:

@@ -1,0 +1,164 @@
+"""Bags of ROS 1 and ROS 2 (SQLite, MCAP), read with rosbags: topics, and messages as objects with the fields of ROS.
+
+The only file that imports rosbags, which comes with ``omnieval[bag]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from omnieval.datasets.streams.names import BAG_OF_ROS1, METADATA, STORAGES, bag_files
+from omnieval.errors import ConfigError, DatasetError
+
+
+class Reader(Protocol):
+    """What all readers of rosbags have in common."""
+
+    connections: list[Any]
+
+    def open(self) -> None:
+        """Read topics and indices."""
+
+    def close(self) -> None:
+        """Close the files."""
+
+    def messages(self, connections: Collection[Any]) -> Iterator[tuple[Any, int, bytes]]:
+        """Yield connection, time (nanoseconds) and bytes of every message, in the order of times."""
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message: its topic, when it was recorded (nanoseconds since the epoch), and its content."""
+
+    topic: str
+    recorded_ns: int
+    content: Any
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic: the type of its messages, e.g. ``sensor_msgs/Image``, and how many there are."""
+
+    name: str
+    kind: str
+    count: int
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A bag that is open."""
+
+    reader: Reader
+    ros2: bool
+
+    @property
+    def topics(self) -> Mapping[str, Topic]:
+        """The topics by name, in its order."""
+        found: dict[str, Topic] = {}
+        for one in sorted(self.reader.connections, key=lambda one: one.topic):
+            count = one.msgcount + (found[one.topic].count if one.topic in found else 0)
+            found[one.topic] = Topic(one.topic, one.msgtype.replace("/msg/", "/"), count)
+        return found
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yield the messages of some topics, in the order in which they were recorded.
+
+        Raises
+        ------
+        DatasetError
+            If the bag is damaged.
+        """
+        connections = [one for one in self.reader.connections if one.topic in topics]
+        try:
+            store = self._types(connections)
+            read = store.deserialize_cdr if self.ros2 else store.deserialize_ros1
+            messages = self.reader.messages(connections=connections)
+        except Exception as error:
+            raise _damaged(error) from error
+        while True:
+            try:
+                connection, time, data = next(messages)
+                content = read(data, connection.msgtype)
+            except StopIteration:
+                return
+            except Exception as error:  # whatever rosbags and the decompressors below it stumble over
+                raise _damaged(error) from error
+            yield Message(connection.topic, time, content)
+
+    def _types(self, connections: Collection[Any]) -> Any:
+        """Return the types of messages: as the bag defines them, else as ROS does."""
+        from rosbags.interfaces import MessageDefinitionFormat
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        types = dict(get_typestore(Stores.ROS2_HUMBLE if self.ros2 else Stores.ROS1_NOETIC).fielddefs)
+        for one in connections:
+            if one.msgdef.format == MessageDefinitionFormat.MSG:
+                types.update(get_types_from_msg(one.msgdef.data, one.msgtype))
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
+        return store
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Bag]:
+    """Give the bag at `path`: a ``.bag``, a ``.mcap`` or ``.db3``, or the folder of a ROS 2 recording.
+
+    Raises
+    ------
+    ConfigError
+        If rosbags is not installed.
+    DatasetError
+        If it is no bag, or damaged.
+    """
+    try:
+        reader, ros2 = _reader(path)
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"{path} is a bag, and reading bags needs the package rosbags; install it with: pip install 'omnieval[bag]'"
+        ) from error
+    try:
+        reader.open()
+    except Exception as error:
+        raise _damaged(error) from error
+    try:
+        yield Bag(reader, ros2)
+    finally:
+        reader.close()
+
+
+def _reader(path: Path) -> tuple[Reader, bool]:
+    """Return the reader for a bag, not open yet, and whether the bag is of ROS 2."""
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+    if path.is_dir():
+        if (path / METADATA).is_file():
+            return cast("Reader", Reader2(path)), True
+        # A recording that was interrupted has no metadata; what it wrote can be read all the same.
+        storages = [file for file in bag_files(path) if file.suffix.casefold() in STORAGES]
+        if len(storages) != 1:
+            raise DatasetError(
+                f"has no {METADATA}, and {len(storages)} files of a recording; name one of them, or write the metadata "
+                "with: ros2 bag reindex"
+            )
+        path = storages[0]
+    suffix = path.suffix.casefold()
+    if suffix in STORAGES:
+        return Reader2.STORAGE_PLUGINS[STORAGES[suffix]](path), True
+    if suffix == BAG_OF_ROS1:
+        return Reader1(path), False
+    raise DatasetError(f"is no bag; expected .bag (ROS 1), .mcap, .db3, or a folder with {METADATA}")
+
+
+def _damaged(error: Exception) -> DatasetError:
+    if isinstance(error, OSError) and error.strerror:
+        return DatasetError(f"cannot be read: {error.strerror}")
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return DatasetError(
+        f"cannot be read as a bag: it is cut off or damaged ({reason}); copy it again, or repair it with: rosbag "
+        "reindex (ROS 1), ros2 bag reindex (ROS 2), mcap recover (MCAP)"
+    )
