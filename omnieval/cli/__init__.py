@@ -38,8 +38,8 @@ INTERRUPTED = 130
 app = typer.Typer(
     name="omnieval",
     help="Replay incremental topological mapping over omnidirectional images and keep the evidence of every decision.",
-    epilog="A SOURCE is synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, npz:FILE, or a path "
-    "recognised by its content. "
+    epilog="A SOURCE is synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, video:FILE, bag:PATH, "
+    "npz:FILE, or a path recognised by its content. "
     "Exit codes: 0 ok, 1 unexpected, 2 usage or configuration, 3 dataset invalid, 4 regression failed, "
     "5 some jobs failed, 130 interrupted. Add --debug to any command for the traceback of an error.",
     no_args_is_help=True,
@@ -81,8 +81,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given
     ready_streams()
-    # What is wrong with an image is said by omnieval, once.
+    # What is wrong with an image or a video is said by omnieval, once.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     try:
         with library_notes():
             code = _parser()(args=[argument for argument in given if argument != "--debug"], standalone_mode=False)

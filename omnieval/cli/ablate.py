@@ -60,6 +60,10 @@ def ablate(
             metavar="NAME",
         ),
     ] = None,
+    topic: options.Topic = None,
+    pose_topic: options.PoseTopic = None,
+    pose_frame: options.PoseFrame = None,
+    decode_every: options.DecodeEvery = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -111,7 +115,8 @@ def ablate(
     check_options(span, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
     chosen = {"mapper": mapper, "descriptor": descriptor}
     cut = options.cut(start, stride, limit)
-    plan = _plan(sources, vary, axes, span, chosen, set_, config, preset, cut, skip_bad)
+    given = [options.streamed(source, topic, pose_topic, pose_frame, decode_every) for source in sources or ()]
+    plan = _plan(given, vary, axes, span, chosen, set_, config, preset, cut, skip_bad)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)
         return

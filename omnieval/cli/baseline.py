@@ -35,6 +35,10 @@ def baseline(
     set_: options.Set = None,
     config: options.ConfigFile = None,
     descriptor: options.DescriptorName = None,
+    topic: options.Topic = None,
+    pose_topic: options.PoseTopic = None,
+    pose_frame: options.PoseFrame = None,
+    decode_every: options.DecodeEvery = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -71,7 +75,7 @@ def baseline(
     check_options(method=method, similarity=similarity, ks=ks, at_k_of=at_k_of)
     with progress(method) as report:
         run = run_baseline(
-            source,
+            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
             method=method,
             similarity=similarity,
             ks=ks,

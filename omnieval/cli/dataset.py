@@ -74,7 +74,14 @@ def info(card: Card, json: options.Json = False) -> None:
 
 
 @app.command("check", short_help="Find what is wrong on disk.")
-def check(source: options.Source = "synthetic", json: options.Json = False) -> None:
+def check(
+    source: options.Source = "synthetic",
+    topic: options.Topic = None,
+    pose_topic: options.PoseTopic = None,
+    pose_frame: options.PoseFrame = None,
+    decode_every: options.DecodeEvery = None,
+    json: options.Json = False,
+) -> None:
     """Check a sequence on disk against itself and its data card, reporting every finding at once.
 
     Reads every image. Exits with 3 if there is an error.
@@ -87,6 +94,7 @@ def check(source: options.Source = "synthetic", json: options.Json = False) -> N
     from omnieval.datasets.check import check as check_sequence
     from omnieval.errors import DatasetError
 
+    source = options.streamed(source, topic, pose_topic, pose_frame, decode_every)
     with progress("checking") as report_progress:
         report = check_sequence(source, progress=report_progress)
     if json:

@@ -17,6 +17,10 @@ def describe(
     set_: options.Set = None,
     config: options.ConfigFile = None,
     descriptor: options.DescriptorName = None,
+    topic: options.Topic = None,
+    pose_topic: options.PoseTopic = None,
+    pose_frame: options.PoseFrame = None,
+    decode_every: options.DecodeEvery = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -41,7 +45,7 @@ def describe(
     resolved = options.configuration(set_, config, None, None, descriptor)
     with progress("describing") as report:
         archive, material = describe_archive(
-            source,
+            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
             out,
             config=resolved,
             start=start,

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 Source = Annotated[
     str,
     typer.Argument(
-        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, descriptors npz:FILE, or "
-        "a path recognised by its content.",
+        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, video:FILE, bag:PATH, "
+        "descriptors npz:FILE, or a path recognised by its content.",
         metavar="SOURCE",
     ),
 ]
@@ -52,6 +52,25 @@ DescriptorName = Annotated[
         metavar="NAME",
     ),
 ]
+Topic = Annotated[str | None, typer.Option("--topic", help="Of a bag: the topic of the images.", metavar="NAME")]
+PoseTopic = Annotated[
+    str | None,
+    typer.Option(
+        "--pose-topic", help="Of a bag: a topic of poses, odometry or transforms (/tf); default none.", metavar="NAME"
+    ),
+]
+PoseFrame = Annotated[
+    str | None,
+    typer.Option(
+        "--pose-frame",
+        help="With transforms: the frame whose pose to take; default the one that moves.",
+        metavar="NAME",
+    ),
+]
+DecodeEvery = Annotated[
+    int | None,
+    typer.Option("--decode-every", min=1, help="Of a video or bag: decode every N-th image only.", metavar="N"),
+]
 Start = Annotated[int, typer.Option(min=0, help="First frame to use.", metavar="N")]
 Stride = Annotated[int, typer.Option(min=1, help="Use every N-th frame.", metavar="N")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Use at most this many frames.", metavar="N")]
@@ -84,6 +103,29 @@ def configuration(
     given = [setting for file in files or () for setting in read_settings(file)]
     given += [parse_assignment(text) for text in settings or ()]
     return resolve(given, preset=preset, mapper=mapper, descriptor=descriptor)
+
+
+def streamed(
+    source: str, topic: str | None, pose_topic: str | None, pose_frame: str | None, decode_every: int | None
+) -> str:
+    """Return a source with what the options take from its video or bag written into it.
+
+    Raises
+    ------
+    ConfigError
+        If an option is given for a source that has no such thing.
+    """
+    from omnieval.datasets.registry import with_options
+    from omnieval.errors import ConfigError
+
+    options = {"topic": topic, "pose-topic": pose_topic, "pose-frame": pose_frame, "every": decode_every}
+    given = {name: str(value) for name, value in options.items() if value is not None}
+    try:
+        return with_options(source, given) if given else source
+    except KeyError as error:
+        name = f"--{error.args[0]}".replace("--every", "--decode-every")
+        what = "bags" if error.args[0] != "every" else "videos and bags"
+        raise ConfigError(f"{name} is for {what}, and {source} is none; leave it out") from error
 
 
 def cut(start: int, stride: int, limit: int | None) -> Cut:

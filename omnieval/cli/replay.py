@@ -19,6 +19,10 @@ def replay(
     preset: options.Preset = None,
     mapper: options.MapperName = None,
     descriptor: options.DescriptorName = None,
+    topic: options.Topic = None,
+    pose_topic: options.PoseTopic = None,
+    pose_frame: options.PoseFrame = None,
+    decode_every: options.DecodeEvery = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -49,6 +53,10 @@ def replay(
       omnieval replay synthetic:night --mapper leader --descriptor mine.py:Mine
 
       omnieval replay folder:/data/panoramas --limit 500 --no-rrd --json
+
+      omnieval replay video:/data/tour.mp4 --decode-every 5
+
+      omnieval replay bag:/data/tour.bag --topic /image --pose-topic /odom
     """
     from omnieval.cli.console import progress
     from omnieval.loop import replay as run_replay
@@ -57,7 +65,7 @@ def replay(
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
     with progress("replaying") as report:
         run = run_replay(
-            source,
+            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
             config=resolved,
             start=start,
             stride=stride,

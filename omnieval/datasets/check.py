@@ -28,6 +28,11 @@ truncated-image       error    the file ends early
 damaged-image         error    a checksum within the file is wrong (PNG), or a part was overwritten (JPEG)
 not-an-image          error    the file cannot be decoded
 wrong-size            error    the image's size differs from the others'
+missing-file          error    there is no such video or bag
+unreadable-stream     error    a video or bag cannot be decoded, or has not what is asked of it
+ends-early            warning  a video holds fewer frames than it announces
+times-from-rate       warning  a video does not say when its frames were taken, only how many there are a second
+no-times              warning  a video does not say even that
 missing-image         warning  a label or pose names an image that is not there
 bad-pose              warning  a pose is not finite, or no position in metres: the image counts as one without
 duplicate-time        warning  two images were taken at the same time
@@ -41,7 +46,8 @@ size-differs          warning  the images' size differs from the data card
 count-differs         warning  the number of images differs from the data card
 length-differs        warning  the path's length differs from the data card
 no-labels             info     there is no ``places.lst``
-no-poses              info     there is no ``poses.csv`` or ground truth
+no-poses              info     there is no ``poses.csv`` or ground truth, or no topic of poses was named
+times-of-recording    info     images of a bag have no time of their own
 ===================== ======== =====================================================================
 
 A BMP that was overwritten somewhere in its middle is not found: see `omnieval.datasets.images`.

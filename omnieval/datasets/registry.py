@@ -6,7 +6,7 @@ Options of videos and bags are part of the source; see `omnieval.datasets.source
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -21,7 +21,7 @@ from omnieval.datasets.scan import (
     visible_names,
 )
 from omnieval.datasets.sequence import Sequence
-from omnieval.datasets.source import STREAMS, parse, split
+from omnieval.datasets.source import STREAMS, parse, split, written
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, safe_name, shown
 
@@ -92,6 +92,24 @@ def stream_scheme(rest: str) -> str | None:
 
     path = canonical_path(split(rest)[0])
     return "video" if is_video(path) else "bag" if is_bag(path) else None
+
+
+def with_options(source: str, options: Mapping[str, str]) -> str:
+    """Return the source of a stream with options set, in place of those it has of the same names.
+
+    Raises
+    ------
+    KeyError
+        If the source has no option of a name; it is the error's argument.
+    """
+    scheme, rest = split_source(source)
+    scheme = scheme or stream_scheme(rest)
+    path, given = split(rest)
+    known = STREAMS.get(scheme or "", ())
+    for name in options:
+        if name not in known:
+            raise KeyError(name)
+    return f"{scheme}:{written(path, {**given, **options})}"
 
 
 def canonical(source: str) -> str:

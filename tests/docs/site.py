@@ -13,6 +13,7 @@ from omnieval.datasets.cachedir import cache_dir
 from omnieval.datasets.synthetic import LIGHTS, synthesize
 from omnieval.datasets.synthetic.facts import RENDERER_VERSION
 from tests.cli.test_cli import in_process
+from tests.datasets.streams.made import START_NS, STEP_NS, Maker, make_video, read_image
 
 FRAMES = 45
 """Images of the synthetic building in the tests: the first node, and one more."""
@@ -25,6 +26,8 @@ STANDS_FOR = {
     "cold:/data/seq2_cloudy3": "cold:{site}/cold-freiburg/part_a/seq2_cloudy3",
     "cold:data/seq2_cloudy3": "cold:{site}/cold-freiburg/part_a/seq2_cloudy3",
     "/data/panoramas": "{site}/data/house",
+    "/data/tour": "{site}/data/tour",
+    "--decode-every 5": "--decode-every 2",
     "innova:/data/innova": "innova:{site}/innova",
     "docs/examples/": "{root}/docs/examples/",
     "mine.py:Mine": "{root}/docs/examples/bands.py:Bands",
@@ -81,6 +84,19 @@ def furnish_cache() -> None:
         synthesize(_rendered(light), light=light, frames=FRAMES)
 
 
+def _streams(site: Path) -> None:
+    """Put a video and two bags there, of the same images."""
+    paths = sorted((_rendered(LIGHTS[0]) / "omni_cam").iterdir())
+    images = [read_image(path) for path in paths]
+    make_video(site / "data" / "tour.mp4", images)
+    for name, kind in (("tour.bag", "ros1"), ("tour", "mcap")):
+        with Maker(site / "data" / name, kind) as bag:
+            for number, path in enumerate(paths):
+                time = START_NS + number * STEP_NS
+                bag.compressed("/image", time, path.read_bytes(), "jpeg")
+                bag.odometry("/odom", time, 0.1 * number, 0.0, 0.0)
+
+
 def _rendered(light: str) -> Path:
     return cache_dir() / "synthetic" / f"v{RENDERER_VERSION}-{light}"
 
@@ -88,6 +104,7 @@ def _rendered(light: str) -> Path:
 def _sequences(site: Path) -> None:
     shutil.copytree(_rendered(LIGHTS[0]), site / "cold-freiburg" / "part_a" / "seq2_cloudy3")
     (site / "data").mkdir()
+    _streams(site)
     _panoramas(site / "data" / "house", "poses.csv", heading=True)
     _panoramas(site / "innova", "truth.csv", heading=False)
     card = "[layout]\nkind = 'panoramic'\n[layout.ground_truth]\nfile = 'truth.csv'\n"

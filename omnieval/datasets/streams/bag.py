@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from omnieval.datasets.scan import ROOT, Finding, Scan, exists
+from omnieval.datasets.findings import ROOT, Finding
+from omnieval.datasets.scan import Scan, exists
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.datasets.source import Address, parse
 from omnieval.datasets.streams.encodings import Raw, pixels

@@ -8,8 +8,8 @@ from omnieval.datasets.scan import has_image_suffix, visible_names
 
 VIDEOS = frozenset({".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".wmv", ".mts", ".ogv"})
 BAG_OF_ROS1 = ".bag"
-STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
-"""Files of a ROS 2 bag, and what rosbags calls their kind."""
+STORAGES = frozenset({".mcap", ".db3"})
+"""Files of a ROS 2 bag."""
 METADATA = "metadata.yaml"
 """What the folder of a ROS 2 bag holds beside them."""
 

@@ -18,7 +18,13 @@ from omnieval.errors import ConfigError, DatasetError
 class Reader(Protocol):
     """What all readers of rosbags have in common."""
 
-    connections: list[Any]
+    @property
+    def connections(self) -> list[Any]:
+        """What holds the messages of a topic and their type; several may be of one topic."""
+
+    @property
+    def topics(self) -> Mapping[str, Any]:
+        """Type and number of messages by topic."""
 
     def open(self) -> None:
         """Read topics and indices."""
@@ -58,11 +64,10 @@ class Bag:
     @property
     def topics(self) -> Mapping[str, Topic]:
         """The topics by name, in its order."""
-        found: dict[str, Topic] = {}
-        for one in sorted(self.reader.connections, key=lambda one: one.topic):
-            count = one.msgcount + (found[one.topic].count if one.topic in found else 0)
-            found[one.topic] = Topic(one.topic, one.msgtype.replace("/msg/", "/"), count)
-        return found
+        return {
+            name: Topic(name, (one.msgtype or "several types").replace("/msg/", "/"), one.msgcount)
+            for name, one in sorted(self.reader.topics.items())
+        }
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
         """Yield the messages of some topics, in the order in which they were recorded.
@@ -94,10 +99,12 @@ class Bag:
         from rosbags.interfaces import MessageDefinitionFormat
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-        types = dict(get_typestore(Stores.ROS2_HUMBLE if self.ros2 else Stores.ROS1_NOETIC).fielddefs)
-        for one in connections:
-            if one.msgdef.format == MessageDefinitionFormat.MSG:
-                types.update(get_types_from_msg(one.msgdef.data, one.msgtype))
+        defined = [one for one in connections if one.msgdef.format == MessageDefinitionFormat.MSG]
+        types: dict[str, Any] = {}
+        if len(defined) < len(connections):
+            types |= get_typestore(Stores.ROS2_HUMBLE if self.ros2 else Stores.ROS1_NOETIC).fielddefs
+        for one in defined:
+            types |= get_types_from_msg(one.msgdef.data, one.msgtype)
         store = get_typestore(Stores.EMPTY)
         store.register(types)
         return store
@@ -114,14 +121,16 @@ def opened(path: Path) -> Iterator[Bag]:
     DatasetError
         If it is no bag, or damaged.
     """
+    if not path.is_dir() and path.suffix.casefold() not in {BAG_OF_ROS1, *STORAGES}:
+        raise DatasetError(f"is no bag; expected .bag (ROS 1), .mcap, .db3, or a folder with {METADATA}")
+    file = path if not path.is_dir() or (path / METADATA).is_file() else _only_storage(path)
+    ros2 = file.suffix.casefold() != BAG_OF_ROS1 or file.is_dir()
     try:
-        reader, ros2 = _reader(path)
+        reader = _open(file, ros2=ros2)
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"{path} is a bag, and reading bags needs the package rosbags; install it with: pip install 'omnieval[bag]'"
         ) from error
-    try:
-        reader.open()
     except Exception as error:
         raise _damaged(error) from error
     try:
@@ -130,28 +139,30 @@ def opened(path: Path) -> Iterator[Bag]:
         reader.close()
 
 
-def _reader(path: Path) -> tuple[Reader, bool]:
-    """Return the reader for a bag, not open yet, and whether the bag is of ROS 2."""
+def _open(path: Path, *, ros2: bool) -> Reader:
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
-    if path.is_dir():
-        if (path / METADATA).is_file():
-            return cast("Reader", Reader2(path)), True
-        # A recording that was interrupted has no metadata; what it wrote can be read all the same.
-        storages = [file for file in bag_files(path) if file.suffix.casefold() in STORAGES]
-        if len(storages) != 1:
-            raise DatasetError(
-                f"has no {METADATA}, and {len(storages)} files of a recording; name one of them, or write the metadata "
-                "with: ros2 bag reindex"
-            )
-        path = storages[0]
-    suffix = path.suffix.casefold()
-    if suffix in STORAGES:
-        return Reader2.STORAGE_PLUGINS[STORAGES[suffix]](path), True
-    if suffix == BAG_OF_ROS1:
-        return Reader1(path), False
-    raise DatasetError(f"is no bag; expected .bag (ROS 1), .mcap, .db3, or a folder with {METADATA}")
+    reader = cast("Reader", Reader2(path) if ros2 else Reader1(path))
+    reader.open()
+    return reader
+
+
+def _only_storage(folder: Path) -> Path:
+    """Return the file of a recording that was interrupted, and so has no metadata.
+
+    Raises
+    ------
+    DatasetError
+        If there is not one of them.
+    """
+    storages = [file for file in bag_files(folder) if file.suffix.casefold() in STORAGES]
+    if len(storages) != 1:
+        raise DatasetError(
+            f"has no {METADATA}, and {len(storages)} files of a recording; name one of them, or write the metadata "
+            "with: ros2 bag reindex"
+        )
+    return storages[0]
 
 
 def _damaged(error: Exception) -> DatasetError:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omnieval.datasets.cachedir import cache_dir
-from omnieval.datasets.scan import Finding
+from omnieval.datasets.findings import Finding
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.datasets.source import Address
 from omnieval.errors import DatasetError

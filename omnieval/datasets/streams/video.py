@@ -8,7 +8,8 @@ from pathlib import Path
 
 import cv2
 
-from omnieval.datasets.scan import ROOT, Finding, Scan
+from omnieval.datasets.findings import ROOT, Finding
+from omnieval.datasets.scan import Scan
 from omnieval.datasets.sequence import Frame
 from omnieval.datasets.source import Address, parse
 from omnieval.datasets.streams.image import file_name, png

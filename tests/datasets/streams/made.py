@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,14 @@ START_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
 
 
+TYPES = cache(get_typestore)
+
+
+def read_image(path):
+    """Return the pixels of an image file."""
+    return np.asarray(cv2.imread(str(path)))
+
+
 def make_video(path, images, rate=RATE):
     """Write BGR images, shape (height, width, 3), as an MP4."""
     height, width = images[0].shape[:2]
@@ -33,7 +42,7 @@ def make_video(path, images, rate=RATE):
 
 def with_variable_rate(path, first, second):
     """Make the first half of a video's frames last `first` and the others `second` times as long as they do."""
-    data = path.read_bytes()
+    data = path.read_bytes().replace(b"edts", b"free")  # which says how long all of it lasts
     at = data.index(b"stts") + 4
     _, entries, count, delta = struct.unpack(">IIII", data[at : at + 16])
     assert entries == 1
@@ -58,8 +67,8 @@ class Maker:
 
     def __post_init__(self):
         self.ros2 = self.kind != "ros1"
-        self.store = get_typestore(Stores.ROS2_HUMBLE if self.ros2 else Stores.ROS1_NOETIC)
-        if not self.ros2:
+        self.store = TYPES(Stores.ROS2_HUMBLE if self.ros2 else Stores.ROS1_NOETIC)
+        if "tf2_msgs/msg/TFMessage" not in self.store.types:
             self.store.register(
                 get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
             )
