@@ -1,6 +1,7 @@
 """COLD, the CoSy Localization Database (A. Pronobis, B. Caputo, *COLD: The CoSy Localization Database*, IJRR 2009).
 
-A sequence is a folder like this (or one that holds nothing but such a folder)::
+A sequence is a folder like this (or one that holds nothing but such a folder; `omnieval.datasets.cold_folders` knows
+two more ways to keep one)::
 
     cold-freiburg/part_a/seq2_cloudy3/
       omni_cam/                      required
@@ -21,13 +22,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from omnieval.datasets.cards import card, find_card
-from omnieval.datasets.findings import ROOT, Finding
+from omnieval.datasets.cold_folders import ENDING, OMNI_FOLDER, ImageFolders, cold_stem, find_images
+from omnieval.datasets.findings import Finding
+from omnieval.datasets.labels import joined_labels
 from omnieval.datasets.scan import (
     Scan,
     canonical_path,
     has_image_suffix,
     in_time,
-    missing_folder,
     pose_remarks,
     read_text,
     visible_names,
@@ -36,10 +38,10 @@ from omnieval.datasets.sequence import Camera, Frame, Pose
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, safe_name, shown
 
-OMNI_FOLDER = "omni_cam"
 SYNTHETIC = "synthetic"
 """Card of the built-in building."""
 PLACES_FILE = "localization/places.lst"
+PLACES_FILES = (PLACES_FILE, "places.lst")
 
 _NAME = re.compile(
     r"t(\d+)\.(\d{6})_x(-?\d+\.\d{6})_y(-?\d+\.\d{6})_a(-?\d+\.\d{6})\.jpeg",
@@ -85,40 +87,31 @@ def format_name(time_ns: int, pose: Pose) -> str:
     return f"t{stamp}_x{pose.x:.6f}_y{pose.y:.6f}_a{pose.yaw:.6f}.jpeg"
 
 
-def is_cold(path: Path) -> bool:
-    """Tell whether `path` is a COLD sequence folder, or holds exactly one."""
-    return isinstance(_sequence_folder(path), Path)
-
-
 def scan_cold(path: str | Path) -> Scan:
     """Read as much of the COLD sequence in `path` as can be understood, and note every fault."""
     given = canonical_path(path)
-    root = _sequence_folder(given)
-    if isinstance(root, Finding):
-        return Scan(safe_name(given.name), f"cold:{given}", given, findings=(root,))
-    names = visible_names(root / OMNI_FOLDER)
-    frames, faults = _scan_names(root, names)
-    rooms, label_faults = _read_places(root)
-    poses = ((f"{OMNI_FOLDER}/{frame.file}", frame.pose) for frame in frames)
-    remarks = in_time(frames, below=f"{OMNI_FOLDER}/")[1] + pose_remarks(poses, largest_yaw=_YAW_LIMIT)
-    remarks += _stray_remarks(names)
-    if rooms is None and not label_faults:
-        remarks.append(Finding("info", "no-labels", PLACES_FILE, "not there; frames have no room"))
-    if rooms is not None:
-        frames = [Frame(f.path, f.file, f.time_ns, f.pose, rooms.get(f.file)) for f in frames]
-        remarks += _label_remarks(names, frames, rooms)
+    found = find_images(given)
+    if isinstance(found, Finding):
+        return Scan(safe_name(given.name), f"cold:{given}", given, findings=(found,))
+    root, published = found.root, found.layout == "published"
+    below = f"{OMNI_FOLDER}/" if published else ""
+    frames, faults, unnamed = _scan_names(found)
     if not frames and not faults:
         faults = [Finding("error", "empty", OMNI_FOLDER, "no image; is the download complete?")]
+    poses = ((f"{below}{frame.file}", frame.pose) for frame in frames)
+    remarks = in_time(frames, below=below)[1] + pose_remarks(poses, largest_yaw=_YAW_LIMIT)
+    frames, label_findings = _labelled(found, frames)
     known, card_sequence = find_card(root)
-    readable = {frame.file for frame in frames}
+    mirror = known.mirror if known else None
     return Scan(
         name=safe_name(root.name),
         source=f"cold:{root}",
         root=root,
         frames=tuple(frames),
-        camera=Camera("omnidirectional", known.mirror if known else None),
-        findings=(*faults, *label_faults, *remarks),
-        unnamed=tuple(root / OMNI_FOLDER / n for n in names if has_image_suffix(n) and n not in readable),
+        # Who sorts the images by rooms may have unwrapped them, too.
+        camera=Camera("omnidirectional" if published or mirror else "auto", mirror),
+        findings=(*faults, *remarks, *label_findings),
+        unnamed=tuple(unnamed),
         card=known.name if known else None,
         card_sequence=card_sequence,
     )
@@ -147,58 +140,66 @@ def scan_rendered(light: str) -> Scan:
     )
 
 
-def _sequence_folder(path: Path) -> Path | Finding:
-    """Return the folder that holds ``omni_cam``: `path`, its only such child, or its parent if it is that one."""
-    fault = missing_folder(path)
-    if fault:
-        return fault
-    if path.name == OMNI_FOLDER:
-        return path.parent
-    if (path / OMNI_FOLDER).is_dir():
-        return path
-    names = visible_names(path)
-    nested = [name for name in names if (path / name / OMNI_FOLDER).is_dir()]
-    return path / nested[0] if len(nested) == 1 else _no_sequence_folder(names, nested)
-
-
-def _no_sequence_folder(names: list[str], nested: list[str]) -> Finding:
-    if not names:
-        return Finding("error", "empty", ROOT, "the folder is empty; name the sequence folder of a COLD download")
-    if nested:
-        first = ", ".join(shown(name) for name in nested[:3])
-        message = f"holds {len(nested)} sequences ({first}{', ...' if len(nested) > 3 else ''}); name one of them"
-        return Finding("error", "several-sequences", ROOT, message)
-    message = f"no {OMNI_FOLDER} folder; name the sequence folder of a COLD download"
-    return Finding("error", "missing-omni-cam", ROOT, message)
-
-
-def _scan_names(root: Path, names: list[str]) -> tuple[list[Frame], list[Finding]]:
+def _scan_names(found: ImageFolders) -> tuple[list[Frame], list[Finding], list[Path]]:
+    """Return the frames in the order of their times, what is wrong with names, and the image files without a frame."""
     frames: list[Frame] = []
-    faults: list[Finding] = []
-    for name in filter(has_image_suffix, names):
-        try:
-            time_ns, pose = parse_name(name)
-        except DatasetError as error:
-            faults.append(Finding("error", "bad-name", f"{OMNI_FOLDER}/{shown(name)}", str(error)))
-        else:
-            frames.append(Frame(root / OMNI_FOLDER / name, name, time_ns, pose))
+    findings: list[Finding] = []
+    unnamed: list[Path] = []
+    for folder in found.folders:
+        for name in visible_names(found.root / folder):
+            path, where = found.root / folder / name, "/".join(filter(None, (folder, name)))
+            if not has_image_suffix(name):
+                if folder:
+                    findings.append(Finding("warning", "stray-file", shown(where), "not an image; ignored"))
+                continue
+            published = found.layout == "published"
+            try:
+                time_ns, pose = parse_name(name if published else f"{cold_stem(name)}{ENDING}")
+            except DatasetError as error:
+                findings.append(Finding("error", "bad-name", shown(where), str(error)))
+                unnamed.append(path)
+            else:
+                room = _room(folder) if found.layout == "rooms" else None
+                frames.append(Frame(path, name if published else where, time_ns, pose, room))
     frames.sort(key=lambda frame: (frame.time_ns or 0, frame.file))
-    return frames, faults
+    return frames, findings, unnamed
 
 
-def _read_places(root: Path) -> tuple[dict[str, str] | None, list[Finding]]:
-    """Return the rooms by file name, None if there is no ``places.lst``."""
-    path = root / PLACES_FILE
-    if not path.exists():
-        return None, []
+def _time_of(stem: str) -> int | None:
+    """Return the time in the name of an image of any camera of the robot, nanoseconds; None if it has none."""
+    try:
+        return parse_name(f"{stem}{ENDING}")[0]
+    except DatasetError:
+        return None
+
+
+def _room(label: str) -> str:
+    """Return the room of a label, ``<ROOM>-<PART>`` or ``<ROOM>``."""
+    match = _LABEL.fullmatch(label)
+    return match["room"] if match else label
+
+
+def _labelled(found: ImageFolders, frames: list[Frame]) -> tuple[list[Frame], list[Finding]]:
+    """Return the frames with the rooms that ``places.lst`` gives them, and what is odd about that."""
+    path = next((path for name in PLACES_FILES if (path := found.root / name).exists()), None)
+    if path is None:
+        if any(frame.room for frame in frames):
+            return frames, []
+        return frames, [Finding("info", "no-labels", PLACES_FILE, "not there; frames have no room")]
+    file = path.relative_to(found.root).as_posix()
     try:
         text = read_text(path)
     except DatasetError as error:
-        return None, [Finding("error", "unreadable-labels", PLACES_FILE, str(error))]
-    return scan_places(text)
+        return frames, [Finding("error", "unreadable-labels", file, str(error))]
+    rooms, faults = scan_places(text, file)
+    labels, findings = joined_labels(
+        frames, rooms, file, time_of=_time_of, below=OMNI_FOLDER if found.layout == "published" else ""
+    )
+    labelled = [replace(frame, room=labels.get(frame.file, frame.room)) for frame in frames]
+    return labelled, [*faults, *findings]
 
 
-def scan_places(text: str) -> tuple[dict[str, str], list[Finding]]:
+def scan_places(text: str, file: str = PLACES_FILE) -> tuple[dict[str, str], list[Finding]]:
     r"""Return the room of every image that a ``places.lst`` names, in its order, and what is wrong with its lines.
 
     The room is the ``<ROOM>`` of ``<ROOM>-<PART>``, or the whole label where there is no part.
@@ -216,7 +217,7 @@ def scan_places(text: str) -> tuple[dict[str, str], list[Finding]]:
         if not fields:
             continue
         match = _LABEL.fullmatch(fields[-1])
-        where = f"{PLACES_FILE}:{number}"
+        where = f"{file}:{number}"
         if len(fields) != 2 or match is None:
             message = f"'{shown(line.strip())}' is not '<file name> <ROOM>-<PART>'; correct or remove the line"
             faults.append(Finding("error", "bad-label", where, message))
@@ -226,26 +227,3 @@ def scan_places(text: str) -> tuple[dict[str, str], list[Finding]]:
         else:
             rooms[fields[0]] = match["room"]
     return rooms, faults
-
-
-def _stray_remarks(names: list[str]) -> list[Finding]:
-    return [
-        Finding("warning", "stray-file", f"{OMNI_FOLDER}/{shown(name)}", "not an image; ignored")
-        for name in names
-        if not has_image_suffix(name)
-    ]
-
-
-def _label_remarks(names: list[str], frames: list[Frame], rooms: dict[str, str]) -> list[Finding]:
-    present = set(names)
-    missing = [
-        Finding("warning", "missing-image", f"{OMNI_FOLDER}/{shown(name)}", f"named in {PLACES_FILE} but not there")
-        for name in rooms
-        if name not in present
-    ]
-    unlabelled = [
-        Finding("warning", "image-without-label", f"{OMNI_FOLDER}/{frame.file}", f"not named in {PLACES_FILE}")
-        for frame in frames
-        if frame.room is None
-    ]
-    return missing + unlabelled

@@ -18,7 +18,6 @@ card beside the data (``innova.toml`` or ``card.toml``) says what differs.
 from __future__ import annotations
 
 import math
-import re
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
@@ -26,8 +25,10 @@ from pathlib import Path
 
 from omnieval.datasets.cards import CAMERA_FILE, Card, GroundTruth, Layout, card, overridden, parse_camera
 from omnieval.datasets.findings import ROOT, Finding
+from omnieval.datasets.names import natural_key, time_in_name
 from omnieval.datasets.poses import BY_HEADING, Capture, Table, file_key, scan_table, wrapped
 from omnieval.datasets.scan import (
+    IMAGE_KINDS,
     Scan,
     canonical_path,
     has_image_suffix,
@@ -61,12 +62,6 @@ def scan_innova(path: str | Path) -> Scan:
     return _scan(canonical_path(path), INNOVA, card(INNOVA), (INNOVA_CARD, OWN_CARD))
 
 
-def natural_key(name: str) -> tuple[list[str | int], str]:
-    """Return the key that sorts numbers within names by value, whatever their case."""
-    pieces = re.split(r"([0-9]+)", name.casefold())
-    return [int(piece) if index % 2 else piece for index, piece in enumerate(pieces)], name
-
-
 def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -> Scan:
     base = Scan(safe_name(root.name), f"{scheme}:{root}", root, card=None if packaged is _PLAIN else packaged.name)
     fault = missing_folder(root)
@@ -79,7 +74,7 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
     layout = known.layout or Layout()
     names = sorted(filter(has_image_suffix, _matches(root, layout.images)), key=natural_key)
     captures, findings = _read_poses(root, names, layout.ground_truth)
-    frames, time_findings = in_time([_frame(root, name, captures.get(name)) for name in names])
+    frames, time_findings = in_time(_timed([_frame(root, name, captures.get(name)) for name in names]))
     camera = Camera("omnidirectional" if known.mirror else layout.kind, known.mirror)
     faults = [*_name_faults(names, layout, own_cards[0]), *findings, *_spread_remarks(names)]
     if packaged is _PLAIN and (root / CAMERA_FILE).exists():
@@ -130,7 +125,7 @@ def _name_faults(names: list[str], layout: Layout, own_card: str) -> list[Findin
     plain = layout.images == "*"
     where = "in it" if plain else f"matches {shown(layout.images)}"
     what_to_do = "name the folder that holds them" if plain else f"set layout.images in {own_card}"
-    return [Finding("error", "empty", ROOT, f"no image (png, jpg, jpeg, bmp) {where}; {what_to_do}")]
+    return [Finding("error", "empty", ROOT, f"no image ({IMAGE_KINDS}) {where}; {what_to_do}")]
 
 
 def _spread_remarks(names: list[str]) -> list[Finding]:
@@ -240,3 +235,11 @@ def _frame(root: Path, name: str, capture: Capture | None) -> Frame:
     if pose is not None:
         pose = Pose(pose.x, pose.y, wrapped(pose.yaw))
     return Frame(root / name, name, capture.time_ns, pose, capture.room)
+
+
+def _timed(frames: list[Frame]) -> list[Frame]:
+    """Return frames with the times in their names, if each name holds one and no table told any."""
+    times = [time_in_name(frame.path.stem) for frame in frames]
+    if None in times or any(frame.time_ns is not None for frame in frames):
+        return frames
+    return [replace(frame, time_ns=time) for frame, time in zip(frames, times, strict=True)]

@@ -13,6 +13,7 @@ from typing import cast
 
 from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.scan import (
+    IMAGE_KINDS,
     Scan,
     canonical_path,
     exists,
@@ -144,9 +145,11 @@ def _scanner(scheme: str) -> Callable[[str], Scan]:
 
 
 def _scan_bare(path: str) -> Scan:
-    """Recognise a folder by its content: ``omni_cam`` is COLD, ``innova.toml`` INNOVA, images or a card a folder."""
-    from omnieval.datasets.cold import is_cold
+    """Recognise a folder by its content: a card or poses beside the images decide, else names as in COLD."""
+    from omnieval.datasets.cards import CAMERA_FILE
+    from omnieval.datasets.cold_folders import KNOWN_LAYOUTS, ImageFolders, find_images
     from omnieval.datasets.folder import INNOVA_CARD, OWN_CARD
+    from omnieval.datasets.poses import POSES_FILE
 
     if not path:
         raise DatasetError(f"the source is empty; {did_you_mean('', _SCANNERS)}")
@@ -156,15 +159,22 @@ def _scan_bare(path: str) -> Scan:
     base = Scan(safe_name(root.name), str(root), root)
     fault = missing_folder(root)
     if fault is None:
-        if is_cold(root):
+        names, found = visible_names(root), find_images(root)
+        if isinstance(found, ImageFolders) and found.layout == "published":
             return _scanner("cold")(path)
-        names = visible_names(root)
         if INNOVA_CARD in names:
             return _scanner("innova")(path)
-        if OWN_CARD in names or any(map(has_image_suffix, names)):
+        if OWN_CARD in names or (any(map(has_image_suffix, names)) and {POSES_FILE, CAMERA_FILE} & set(names)):
             return _scanner("folder")(path)
-        message = "neither an omni_cam folder (COLD) nor images (png, jpg, jpeg, bmp) in it; name a sequence folder"
-        fault = Finding("error", "not-a-sequence", ROOT, message)
+        if isinstance(found, ImageFolders):
+            return _scanner("cold")(path)
+        if any(map(has_image_suffix, names)):
+            return _scanner("folder")(path)
+        if found.code == "several-sequences":
+            fault = found
+        else:
+            message = f"neither a COLD sequence nor images ({IMAGE_KINDS}) in it; {KNOWN_LAYOUTS}"
+            fault = Finding("error", "not-a-sequence", ROOT, message)
     elif fault.code == "missing-folder" and "/" not in path:
         message = f"no such folder, and not a source; {did_you_mean(path, _SCANNERS)}"
         fault = replace(fault, message=message)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from omnieval.datasets.cards import Card
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
+IMAGE_KINDS = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
+"""The same for messages."""
 FARTHEST_M = 1e6
 """No building is 1,000 km wide: a coordinate beyond is a slip, and would drown every distance."""
 

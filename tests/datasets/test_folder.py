@@ -11,7 +11,8 @@ import pytest
 
 from omnieval.datasets import Camera, Mirror, load
 from omnieval.datasets.check import check
-from omnieval.datasets.folder import natural_key, scan_folder
+from omnieval.datasets.folder import scan_folder
+from omnieval.datasets.names import natural_key
 from omnieval.errors import DatasetError
 from tests.datasets.innova_trees import make_innova
 from tests.datasets.trees import codes, make_folder

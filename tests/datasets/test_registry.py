@@ -83,7 +83,7 @@ def test_a_file_and_a_folder_without_images_are_refused(tmp_path):
     (tmp_path / "notes.txt").touch()
     with pytest.raises(DatasetError, match="not a folder"):
         load(tmp_path / "notes.txt")
-    with pytest.raises(DatasetError, match="neither an omni_cam folder"):
+    with pytest.raises(DatasetError, match="neither a COLD sequence"):
         load(tmp_path)
 
 
