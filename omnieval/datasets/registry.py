@@ -145,37 +145,49 @@ def _scanner(scheme: str) -> Callable[[str], Scan]:
 
 
 def _scan_bare(path: str) -> Scan:
-    """Recognise a folder by its content: a card or poses beside the images decide, else names as in COLD."""
-    from omnieval.datasets.cards import CAMERA_FILE
-    from omnieval.datasets.cold_folders import KNOWN_LAYOUTS, ImageFolders, find_images
-    from omnieval.datasets.folder import INNOVA_CARD, OWN_CARD
-    from omnieval.datasets.poses import POSES_FILE
-
+    """Read what a path without a scheme names, by its content."""
     if not path:
         raise DatasetError(f"the source is empty; {did_you_mean('', _SCANNERS)}")
     if (stream := stream_scheme(path)) is not None:
         return _scanner(stream)(path)
     root = canonical_path(path)
-    base = Scan(safe_name(root.name), str(root), root)
-    fault = missing_folder(root)
-    if fault is None:
-        names, found = visible_names(root), find_images(root)
-        if isinstance(found, ImageFolders) and found.layout == "published":
-            return _scanner("cold")(path)
-        if INNOVA_CARD in names:
-            return _scanner("innova")(path)
-        if OWN_CARD in names or (any(map(has_image_suffix, names)) and {POSES_FILE, CAMERA_FILE} & set(names)):
-            return _scanner("folder")(path)
-        if isinstance(found, ImageFolders):
-            return _scanner("cold")(path)
-        if any(map(has_image_suffix, names)):
-            return _scanner("folder")(path)
-        if found.code == "several-sequences":
-            fault = found
-        else:
-            message = f"neither a COLD sequence nor images ({IMAGE_KINDS}) in it; {KNOWN_LAYOUTS}"
-            fault = Finding("error", "not-a-sequence", ROOT, message)
-    elif fault.code == "missing-folder" and "/" not in path:
-        message = f"no such folder, and not a source; {did_you_mean(path, _SCANNERS)}"
-        fault = replace(fault, message=message)
-    return replace(base, findings=(fault,))
+    scheme = missing_folder(root) or _scheme_of(root)
+    if isinstance(scheme, Finding):
+        if scheme.code == "missing-folder" and "/" not in path:
+            scheme = replace(scheme, message=_no_source(path))
+        return Scan(safe_name(root.name), str(root), root, findings=(scheme,))
+    return _scanner(scheme)(path)
+
+
+def _scheme_of(root: Path) -> str | Finding:
+    """Return which reader a folder is for: a card or poses beside the images decide, else names as in COLD."""
+    from omnieval.datasets.cards import CAMERA_FILE
+    from omnieval.datasets.cold_folders import KNOWN_LAYOUTS, ImageFolders, find_images
+    from omnieval.datasets.folder import INNOVA_CARD, OWN_CARD
+    from omnieval.datasets.poses import POSES_FILE
+
+    names, cold = visible_names(root), find_images(root)
+    has_images = any(map(has_image_suffix, names))
+    published = isinstance(cold, ImageFolders) and cold.layout == "published"
+    if published or INNOVA_CARD in names:
+        return "cold" if published else "innova"
+    has_own = OWN_CARD in names or (has_images and {POSES_FILE, CAMERA_FILE} & set(names))
+    if has_own:
+        return "folder"
+    if isinstance(cold, ImageFolders):
+        return "cold"
+    if has_images:
+        return "folder"
+    if cold.code == "several-sequences":
+        return cold
+    message = f"neither a COLD sequence nor images ({IMAGE_KINDS}) in it; {KNOWN_LAYOUTS}"
+    return Finding("error", "not-a-sequence", ROOT, message)
+
+
+def _no_source(name: str) -> str:
+    """Return what to say of a name that is neither a folder nor a source, but perhaps that of a data card."""
+    from omnieval.datasets.cards import all_cards
+
+    if any(known.name == name for known in all_cards()):
+        return f"a data card, not a folder of images; `omnieval dataset info {name}` says where to get them"
+    return f"no such folder, and not a source; {did_you_mean(name, _SCANNERS)}"

@@ -26,7 +26,7 @@ ORDERS = [
 
 @pytest.mark.parametrize("names", ORDERS, ids=[names[0] for names in ORDERS])
 def test_numbers_are_compared_as_numbers_decimals_too(names):
-    assert sorted(names[::-1], key=natural_key) == names
+    assert sorted(set(names), key=natural_key) == names
 
 
 @given(st.lists(st.decimals(0, 1000, places=3), min_size=2, unique=True))
