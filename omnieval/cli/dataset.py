@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from omnieval.datasets.check import CheckReport
 
 app = typer.Typer(
-    help="Data cards, checks, and the synthetic building.",
+    help="Data cards, downloads, checks, and the synthetic building.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -71,6 +71,45 @@ def info(card: Card, json: options.Json = False) -> None:
         print_fields(
             (known.path, ", ".join(_facts(known.images, known.length_m, known.note))) for known in found.sequences
         )
+
+
+@app.command("fetch", short_help="Download a sequence.")
+def fetch(
+    name: Annotated[
+        str, typer.Argument(help="Card and sequence, e.g. cold-freiburg/part_a/seq2_cloudy3.", metavar="CARD/SEQUENCE")
+    ],
+    to: Annotated[Path, typer.Option(help="Folder to put it below, under that name.", metavar="DIR")] = Path(
+        "datasets"
+    ),
+    base_url: Annotated[
+        str | None,
+        typer.Option("--base-url", help="Download URL/CARD/SEQUENCE.tar, from a mirror or server.", metavar="URL"),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Download a sequence, unpack it, and print its folder; nothing is done if it is there.
+
+    A download that broke off goes on where it did. The SHA-256 of an archive is kept beside the sequence, and asked of
+    every later download. Where COLD can be downloaded is not verified: if it is not there, name a mirror.
+
+    Examples:
+
+      omnieval dataset fetch cold-freiburg/part_a/seq2_cloudy3
+
+      omnieval dataset fetch cold-freiburg/part_a/seq2_cloudy3 --to /data
+    """
+    from omnieval.cli.console import note, print_json, progress
+    from omnieval.datasets.fetch import fetch as fetch_sequence
+
+    with progress("downloading, MB") as report:
+        folder = fetch_sequence(
+            name, to, base_url=base_url, progress=lambda done, total: report(done // 10**6, total // 10**6)
+        )
+    if json:
+        print_json({"schema_version": 1, "folder": str(folder)})
+        return
+    print(folder)
+    note(f"look at it with: omnieval dataset check {folder}")
 
 
 @app.command("check", short_help="Find what is wrong on disk.")

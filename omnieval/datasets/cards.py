@@ -211,7 +211,8 @@ class Card(BaseModel):
 
     `folders` are the names by which a folder of the family is known, `rooms` the meaning of each room code,
     `image_size` (width, height) in pixels; `mirror_geometry` None means that it is estimated from the images;
-    `layout` how a sequence lies on disk, for families whose reader leaves that to the card.
+    `layout` how a sequence lies on disk, for families whose reader leaves that to the card. The archive of a sequence
+    lies at `archives`, followed by name of the card, ``/``, path of the sequence and ``.tar``.
     """
 
     model_config = _STRICT
@@ -220,6 +221,7 @@ class Card(BaseModel):
     title: str
     get: str
     homepage: str | None = None
+    archives: str | None = Field(None, pattern="^https?://")
     citation: str
     licence: str | None = None
     notes: str | None = None

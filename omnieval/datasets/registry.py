@@ -153,7 +153,7 @@ def _scan_bare(path: str) -> Scan:
     root = canonical_path(path)
     scheme = missing_folder(root) or _scheme_of(root)
     if isinstance(scheme, Finding):
-        if scheme.code == "missing-folder" and "/" not in path:
+        if scheme.code == "missing-folder":
             scheme = replace(scheme, message=_no_source(path))
         return Scan(safe_name(root.name), str(root), root, findings=(scheme,))
     return _scanner(scheme)(path)
@@ -184,10 +184,19 @@ def _scheme_of(root: Path) -> str | Finding:
     return Finding("error", "not-a-sequence", ROOT, message)
 
 
-def _no_source(name: str) -> str:
-    """Return what to say of a name that is neither a folder nor a source, but perhaps that of a data card."""
+def _no_source(path: str) -> str:
+    """Return what to say of a path that is not there, but perhaps begins with the name of a data card."""
     from omnieval.datasets.cards import all_cards
 
-    if any(known.name == name for known in all_cards()):
-        return f"a data card, not a folder of images; `omnieval dataset info {name}` says where to get them"
-    return f"no such folder, and not a source; {did_you_mean(name, _SCANNERS)}"
+    cards = {known.name: known for known in all_cards()}
+    family, within, _ = path.partition("/")
+    known = cards.get(family)
+    if known is not None and known.archives and within:
+        return f"no such folder; `omnieval dataset fetch {shown(path)}` downloads it and prints the folder"
+    if known is not None and not within:
+        example = known.sequences[0].path if known.sequences else "part_a/seq1_cloudy1"
+        fetching = f", `omnieval dataset fetch {family}/{example}` downloads a sequence" if known.archives else ""
+        return f"a data card, not a folder of images; `omnieval dataset info {family}` says where to get them{fetching}"
+    if within:
+        return "no such folder; check the path"
+    return f"no such folder, and not a source; {did_you_mean(path, [*_SCANNERS, *cards])}"
