@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from omnieval.datasets.check import CheckReport
 
 app = typer.Typer(
-    help="Data cards, downloads, checks, and the synthetic building.",
+    help="Cards, downloads, checks, the synthetic building.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

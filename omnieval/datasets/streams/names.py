@@ -16,12 +16,12 @@ METADATA = "metadata.yaml"
 
 def is_video(path: Path) -> bool:
     """Tell whether `path` is named like a video."""
-    return path.suffix.casefold() in VIDEOS and not path.is_dir()
+    return path.suffix.casefold() in VIDEOS and not _is_folder(path)
 
 
 def is_bag(path: Path) -> bool:
     """Tell whether `path` is named like a bag, or is a folder that holds one and no images."""
-    if path.is_dir():
+    if _is_folder(path):
         names = visible_names(path)
         held = any(Path(name).suffix.casefold() in STORAGES for name in names)
         return held and (METADATA in names or not any(map(has_image_suffix, names)))
@@ -36,3 +36,10 @@ def bag_files(path: Path) -> list[Path]:
         return sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
     except OSError:
         return []
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:  # a name that is too long
+        return False
