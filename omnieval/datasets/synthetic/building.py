@@ -1,12 +1,13 @@
-"""The plan of the building: rooms, openings and lamps as data, and the walls that follow from them.
+"""What a building is: rooms, openings, lamps and furniture as data, and the walls that follow from them.
 
-x runs along the corridor, y to the left of a robot that drives along it; metres, the floor is z = 0.
+x points east, y north; metres, the floor is z = 0.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 from omnieval.datasets.synthetic.solids import Solid, box
@@ -16,13 +17,11 @@ CEILING = 2.6
 SHELL = 0.075
 """Every room has a wall shell of its own this thick; two shells, back to back, make a wall."""
 FRAME = 0.05
-FOOTPRINT = (-0.15, 20.15, -5.55, 6.15)
-"""x0, x1, y0, y1 of the outer walls' outside."""
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A rectangular room: its inside bounds, its COLD-like code, and what its surfaces look like."""
+    """A rectangular room: its inside bounds, its COLD-like code, what its surfaces look like, and its lamps' tint (BGR)."""
 
     code: str
     x0: float
@@ -32,6 +31,12 @@ class Room:
     wall: str
     floor: str
     lamps: tuple[tuple[float, float], ...]
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def corridor(self) -> bool:
+        """Whether it is a way between rooms."""
+        return self.code.startswith("CR")
 
     def distance(self, x: float, y: float) -> float:
         """Return how far (x, y) lies outside the room's bounds, metres; 0 inside."""
@@ -54,86 +59,82 @@ class Opening:
     z1: float = 2.05
 
 
-def _grid(x0: float, x1: float, y0: float, y1: float) -> tuple[tuple[float, float], ...]:
-    """Return the places of four lamps."""
-    return tuple((x, y) for y in (y0, y1) for x in (x0, x1))
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A piece of furniture against a wall of a room.
+
+    `along` is where its middle stands on that wall (x for N and S, y for E and W), `gap` how far its back is from the
+    wall, both in metres; `turn` is an extra rotation in radians.
+    """
+
+    room: str
+    kind: str
+    wall: Literal["N", "E", "S", "W"]
+    along: float
+    gap: float = 0.0
+    turn: float = 0.0
 
 
-ROOMS: tuple[Room, ...] = (
-    Room("CR", 0.0, 20.0, -1.0, 1.0, "plaster-dado", "linoleum", ((2.5, 0.0), (7.5, 0.0), (12.5, 0.0), (17.5, 0.0))),
-    Room("1PO", 0.0, 3.45, 1.15, 6.0, "paper-stripes", "parquet", ((1.7, 3.5),)),
-    Room("2PO1", 3.6, 7.25, 1.15, 6.0, "plaster-cream", "carpet-blue", ((5.4, 2.5), (5.4, 4.8))),
-    Room("2PO2", 7.4, 11.05, 1.15, 6.0, "plaster-cream", "carpet-blue", ((9.2, 2.5), (9.2, 4.8))),
-    Room("CNR", 11.2, 16.05, 1.15, 6.0, "panelling", "carpet-grey", _grid(12.6, 14.6, 2.6, 4.6)),
-    Room("KT", 16.2, 20.0, 1.15, 6.0, "tiles-green", "checker", ((18.1, 2.6), (18.1, 4.6))),
-    Room("PA", 0.0, 4.0, -5.4, -1.15, "plaster-dado", "linoleum", ((2.0, -3.2),)),
-    Room("TL", 4.15, 6.45, -5.4, -1.15, "tiles-white", "tiles-small", ((5.3, -2.2), (5.3, -4.2))),
-    Room("ST", 6.6, 9.2, -5.4, -1.15, "bricks", "concrete", ((7.9, -3.2),)),
-    Room("LO", 9.35, 14.25, -5.4, -1.15, "paper-flowers", "planks", ((10.8, -3.2), (12.9, -3.2))),
-    Room(
-        "LAB",
-        14.4,
-        20.0,
-        -5.4,
-        -1.15,
-        "concrete-wall",
-        "tiles-large",
-        _grid(15.8, 18.4, -4.3, -2.4),
-    ),
-)
-TWINS = ("2PO1", "2PO2")
-"""Two rooms alike on purpose: what is in one is in the other, shifted by `TWIN_SHIFT` along x."""
-TWIN_SHIFT = 3.8
+@dataclass(frozen=True)
+class Building:
+    """Rooms, the holes in their walls, and what stands in them.
 
-_NORTH, _SOUTH, _OUT_NORTH, _OUT_SOUTH = 1.075, -1.075, 6.075, -5.475
-OPENINGS: tuple[Opening, ...] = (
-    Opening("x", _NORTH, 2.1, 3.1, "door"),
-    Opening("x", _NORTH, 4.0, 5.0, "door"),
-    Opening("x", _NORTH, 7.8, 8.8, "door"),
-    Opening("x", _NORTH, 11.5, 12.5, "door"),
-    Opening("x", _NORTH, 12.7, 15.8, "glass", 0.1, 2.3),
-    Opening("x", _NORTH, 16.8, 17.8, "door"),
-    Opening("x", _SOUTH, 0.9, 3.1, "passage", 0.0, 2.3),
-    Opening("x", _SOUTH, 4.8, 5.8, "door"),
-    Opening("x", _SOUTH, 7.4, 8.4, "door"),
-    Opening("x", _SOUTH, 9.8, 11.2, "passage", 0.0, 2.2),
-    Opening("x", _SOUTH, 15.5, 16.5, "door"),
-    Opening("x", _OUT_NORTH, 0.8, 2.6, "window", 0.9, 2.1),
-    Opening("x", _OUT_NORTH, 4.2, 6.6, "window", 0.9, 2.1),
-    Opening("x", _OUT_NORTH, 8.0, 10.4, "window", 0.9, 2.1),
-    Opening("x", _OUT_NORTH, 11.8, 15.5, "window", 0.5, 2.2),
-    Opening("x", _OUT_NORTH, 17.2, 19.2, "window", 1.1, 2.1),
-    Opening("x", _OUT_SOUTH, 1.0, 2.6, "window", 0.9, 2.1),
-    Opening("x", _OUT_SOUTH, 4.9, 5.7, "window", 1.5, 2.1),
-    Opening("x", _OUT_SOUTH, 9.9, 13.7, "window", 0.25, 2.2),
-    Opening("x", _OUT_SOUTH, 15.0, 16.9, "window", 0.9, 2.1),
-    Opening("x", _OUT_SOUTH, 17.5, 19.4, "window", 0.9, 2.1),
-    Opening("y", 20.075, -0.7, 0.7, "window", 0.8, 2.2),
-    Opening("y", -0.075, -0.7, 0.7, "window", 0.1, 2.1),
-)
+    Attributes
+    ----------
+    number
+        Its name: the N of ``synthetic:LIGHT:N``.
+    rooms
+        Rooms and corridors; no two overlap.
+    openings
+        Doors, passages, windows and glass walls.
+    furniture
+        What stands in the rooms, where no day has moved it.
+    twins
+        Codes of two rooms alike on purpose.
+    """
+
+    number: int
+    rooms: tuple[Room, ...]
+    openings: tuple[Opening, ...]
+    furniture: tuple[Placed, ...]
+    twins: tuple[str, str]
+
+    @cached_property
+    def footprint(self) -> tuple[float, float, float, float]:
+        """x0, x1, y0, y1 of the outer walls' outside."""
+        thick = 2 * SHELL
+        return (
+            round(min(room.x0 for room in self.rooms) - thick, 6),
+            round(max(room.x1 for room in self.rooms) + thick, 6),
+            round(min(room.y0 for room in self.rooms) - thick, 6),
+            round(max(room.y1 for room in self.rooms) + thick, 6),
+        )
+
+    def room(self, code: str) -> Room:
+        """Return the room of that code."""
+        return next(room for room in self.rooms if room.code == code)
+
+    def room_at(self, x: float, y: float) -> Room:
+        """Return the room at (x, y) or the nearest; a doorway's halves belong to the rooms they open to."""
+        return min(self.rooms, key=lambda room: room.distance(x, y))
 
 
-def room_of(x: float, y: float) -> Room:
-    """Return the room at (x, y) or the nearest; a doorway's halves belong to the rooms they open to."""
-    return min(ROOMS, key=lambda room: room.distance(x, y))
-
-
-def walls() -> list[Solid]:
+def walls(building: Building) -> list[Solid]:
     """Return the wall shells of all rooms, with frames and panes in their openings."""
-    solids = [solid for room in ROOMS for solid in _shell(room)]
-    return solids + [solid for opening in OPENINGS for solid in _filling(opening)]
+    solids = [solid for room in building.rooms for solid in _shell(room, building.openings)]
+    return solids + [solid for opening in building.openings for solid in _filling(opening)]
 
 
-def lamps() -> list[Solid]:
+def lamps(building: Building) -> list[Solid]:
     """Return the lamps below the ceilings."""
     return [
         box(x - 0.6, x + 0.6, y - 0.12, y + 0.12, CEILING - 0.1, CEILING - 0.04, "lamp")
-        for room in ROOMS
+        for room in building.rooms
         for x, y in room.lamps
     ]
 
 
-def _shell(room: Room) -> list[Solid]:
+def _shell(room: Room, openings: tuple[Opening, ...]) -> list[Solid]:
     """Return the four walls of a room, cut by its openings."""
     solids: list[Solid] = []
     for axis, at, low, high, inner in (
@@ -142,7 +143,7 @@ def _shell(room: Room) -> list[Solid]:
         ("y", room.x1 + SHELL / 2, room.y0, room.y1, room.x1),
         ("y", room.x0 - SHELL / 2, room.y0, room.y1, room.x0),
     ):
-        holes = [o for o in OPENINGS if o.axis == axis and abs(o.at - inner) < 0.1 and low <= o.start < high]
+        holes = [o for o in openings if o.axis == axis and abs(o.at - inner) < 0.1 and low <= o.start < high]
         edge = low - SHELL
         for hole in sorted(holes, key=lambda o: o.start):
             solids.append(_piece(axis, at, edge, hole.start, 0.0, CEILING, room.wall))

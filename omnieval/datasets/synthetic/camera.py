@@ -65,10 +65,10 @@ def polar_map() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 @cache
-def rim() -> NDArray[np.float32]:
-    """Return the share of the mirror's picture in the pixels of `DISC`, vignetted; shape (rows, columns, 1)."""
+def rim(vignetting: float) -> NDArray[np.float32]:
+    """Return the share of the mirror's picture in the pixels of `DISC`, shape (rows, columns, 1); less by `vignetting` at the edge."""
     r = np.hypot(*_from_centre())
-    vignette = 1.0 - 0.22 * (r / MIRROR.r_out) ** 3
+    vignette = 1.0 - vignetting * (r / MIRROR.r_out) ** 3
     return np.asarray((_annulus(r) * vignette)[DISC][..., None], dtype=np.float32)
 
 
@@ -86,6 +86,39 @@ def surroundings() -> NDArray[np.float32]:
     grey += np.where(r < MIRROR.r_in, 5.0 * np.sin(3.0 * np.arctan2(dy, dx)), 0.0) * (r > 20.0)
     grey = np.maximum(grey, 0.0) * (1.0 - _annulus(r))
     return np.repeat(grey[..., None], 3, axis=2).astype(np.float32)
+
+
+@cache
+def mount() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the camera's post and the robot's body as the mirror shows them: they stay put whatever the robot does.
+
+    The share of a pixel of `DISC` that they cover, shape (rows, columns, 1), and their reflectance times that share,
+    shape (rows, columns, 3), BGR. Measured on panoramas of COLD, 512 columns wide and 128 rows high: the post stands
+    to the robot's right, a clamp with two knobs at its foot on a white plate, the red chassis behind.
+    """
+    dx, dy = _from_centre()
+    column = (0.5 - np.arctan2(-dx, -dy) / (2.0 * np.pi)) % 1.0 * 512.0
+    row = (MIRROR.r_out - np.hypot(dx, dy)) / (MIRROR.r_out - MIRROR.r_in) * 128.0
+    cover = np.zeros((HEIGHT, WIDTH, 1))
+    colour = np.zeros((HEIGHT, WIDTH, 3))
+    from_post = column - 384.5
+
+    def put(where: NDArray[np.float64], bgr: tuple[float, float, float]) -> None:
+        share = np.clip(where, 0.0, 1.0)[..., None]
+        colour[:] = colour * (1.0 - share) + share * np.array(bgr)
+        cover[:] = np.maximum(cover, share)
+
+    chassis = np.minimum(np.abs((column + 256.0) % 512.0 - 256.0), np.abs(from_post))
+    put(np.minimum(row - 125.0 + 0.03 * np.abs(from_post + 90.0), 60.0 - np.abs(from_post + 70.0)), (0.10, 0.12, 0.13))
+    put(np.minimum(row - 122.0, 60.0 - np.abs(from_post - 120.0)), (0.12, 0.16, 0.55))
+    put(np.minimum(row - 124.0, 40.0 - chassis), (0.12, 0.16, 0.50))
+    put(np.minimum(row - 113.5 - 0.0011 * (from_post - 25.0) ** 2, 65.0 - np.abs(from_post - 12.0)), (0.72, 0.90, 0.88))
+    put(6.0 * (1.0 - np.hypot((from_post - 2.0) / 37.0, (row - 103.0) / 8.0)), (0.06, 0.07, 0.08))
+    put(5.0 * (1.0 - np.hypot((from_post - 31.0) / 10.0, (row - 99.0) / 8.0)), (0.09, 0.10, 0.10))
+    put(5.0 * (1.0 - np.hypot((from_post + 22.0) / 11.0, (row - 100.0) / 6.0)), (0.07, 0.08, 0.09))
+    put(np.minimum(9.0 - np.abs(from_post - 0.5), 4.5 - np.abs(row - 112.5)), (0.45, 0.58, 0.55))
+    put(np.minimum(0.6 * (10.0 - np.abs(from_post)), 0.5 * (109.0 - row)), (0.045, 0.055, 0.055))
+    return cover[DISC].astype(np.float32), (colour * cover)[DISC].astype(np.float32)
 
 
 def _from_centre() -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -58,6 +58,8 @@ class Hits:
         Width of that face, metres.
     incidence
         Cosine of the angle between ray and face normal.
+    normal_x, normal_y
+        The face's normal, in the building's frame.
     """
 
     column: NDArray[np.intp]
@@ -67,6 +69,8 @@ class Hits:
     across: Floats
     face: Floats
     incidence: Floats
+    normal_x: Floats
+    normal_y: Floats
 
 
 def plan_of(solids: list[Solid], textures: dict[str, int]) -> Plan:
@@ -189,10 +193,14 @@ def _entered(
     across = np.where(end, np.where(px > 0, py, -py) + hy, np.where(py > 0, -px, px) + hx)
     face = np.where(end, 2 * hy, 2 * hx)
     incidence = np.where(end, np.abs(lx), np.abs(ly))
+    nx = np.where(end, np.sign(px), np.float32(0.0))
+    ny = np.where(end, np.float32(0.0), np.sign(py))
     is_round = plan.round[solid]
     if is_round.any():
+        nx, ny = np.where(is_round, px / hx, nx), np.where(is_round, py / hx, ny)
         bearing = np.arctan2(py, px) + np.float32(np.pi)
         across = np.where(is_round, bearing * hx, across)
         face = np.where(is_round, np.float32(2 * np.pi) * hx, face)
         incidence = np.where(is_round, np.abs(px * lx + py * ly) / np.maximum(hx, 1e-6), incidence)
-    return Hits(column, solid, near, far, across, face, incidence)
+    cos, sin = plan.cos[solid], plan.sin[solid]
+    return Hits(column, solid, near, far, across, face, incidence, cos * nx - sin * ny, sin * nx + cos * ny)

@@ -9,15 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.datasets.synthetic import camera
-from omnieval.datasets.synthetic.lighting import Light
+from omnieval.datasets.synthetic.lighting import Light, Look
 from omnieval.seeding import named_generator
 
+_FOCUS = 0.9
+"""Blur of the optics, pixels."""
+_BLACK = 5.0
+"""Grey level of what sends no light."""
 _GRAIN_SIDE = 1024
 """Side of the plate that the noise of every frame is cut from, pixels."""
 
 
-def photograph(polar: NDArray[np.float32], light: Light, rng: np.random.Generator | None) -> NDArray[np.uint8]:
-    """Return the camera's picture of a polar image, shape (480, 640, 3), uint8 BGR; noise-free without `rng`."""
+def photograph(
+    polar: NDArray[np.float32], light: Light, rng: np.random.Generator | None, turned: float = 0.0
+) -> NDArray[np.uint8]:
+    """Return the camera's picture of a polar image, shape (480, 640, 3), uint8 BGR; noise-free without `rng`.
+
+    Of a light with a `Look`, with post and body, exposed, smeared while the robot turns by `turned` radians, and
+    developed.
+    """
+    look = light.look
+    gain = np.float32(1.0) if look is None else _exposure(polar, look)
+    if look is not None:
+        polar = _smeared(polar * gain, look.shutter * abs(turned))
     padded = np.concatenate([polar, polar[:1]])
     row, azimuth = camera.polar_map()
     warped = cv2.remap(padded, row, azimuth, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -26,11 +40,46 @@ def photograph(polar: NDArray[np.float32], light: Light, rng: np.random.Generato
     image = camera.surroundings().copy()
     disc = image[camera.DISC]
     np.minimum(view, np.float32(255.0), out=view)
-    view *= camera.rim()
+    if look is not None:
+        _show_mount(view, polar)
+        view = np.asarray(cv2.GaussianBlur(view, (5, 5), _FOCUS), np.float32)
+    view *= camera.rim(0.22 if look is None else 0.06)
     disc += view
     if rng is not None:
-        image += (np.float32(light.noise) * _grain(rng))[..., None]
-    return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0, out=image)), np.uint8)
+        image += (np.float32(light.noise) * np.sqrt(gain) * _grain(rng))[..., None]
+    taken = np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0, out=image)), np.uint8)
+    return taken if look is None else np.asarray(cv2.LUT(taken, _development(look)), np.uint8)
+
+
+def _exposure(polar: NDArray[np.float32], look: Look) -> np.float32:
+    """Return the gain of the automatic exposure: it brings the mean most of the way to where it should be."""
+    seen = np.minimum(polar[::8, ::6], np.float32(400.0))
+    return np.float32(np.clip((look.exposed / max(float(seen.mean()), 1.0)) ** 0.9, 0.4, 4.0))
+
+
+def _smeared(polar: NDArray[np.float32], angle: float) -> NDArray[np.float32]:
+    """Return a polar image averaged over what the shutter saw of a turn, angle in radians."""
+    width = round(angle / (2.0 * np.pi) * camera.AZIMUTHS) | 1
+    if width < 3:
+        return polar
+    half = width // 2
+    wrapped = np.concatenate([polar[-half:], polar, polar[:half]])
+    return np.asarray(cv2.blur(wrapped, (1, width))[half:-half], np.float32)
+
+
+def _show_mount(view: NDArray[np.float32], polar: NDArray[np.float32]) -> None:
+    """Put post and body in, as bright as the floor around the robot lets them be."""
+    cover, colour = camera.mount()
+    around = np.minimum(polar[::8, : polar.shape[1] // 3].mean(axis=(0, 1)), np.float32(255.0))
+    view *= np.float32(1.0) - cover
+    view += colour * (np.float32(0.5) * around + np.float32(0.5) * around.mean() + np.float32(90.0))
+
+
+@cache
+def _development(look: Look) -> NDArray[np.uint8]:
+    """Return the table from what the sensor saw to what is stored, shape (256, 1, 3)."""
+    curve = _BLACK + 255.0 * (np.arange(256.0) / 255.0) ** look.curve * 1.12
+    return np.clip(np.rint(curve[:, None, None] * np.array(look.cast)), 0, 255).astype(np.uint8)
 
 
 def _bloom(view: NDArray[np.float32], share: float) -> None:

@@ -44,7 +44,12 @@ def _stool() -> list[Solid]:
 
 
 def _desk() -> list[Solid]:
-    """Return a desk with a screen, a drawer unit and papers, and its chair."""
+    """Return a workplace and its chair."""
+    return [*_workplace(), *(s.moved(-0.05, 0.62) for s in _chair())]
+
+
+def _workplace() -> list[Solid]:
+    """Return a desk with a screen, a drawer unit and papers."""
     return [
         *_table(1.5, 0.78, 0.74),
         replace(box(0.3, 0.7, 0.1, 0.65, 0.0, 0.6, "drawers", "wood-light"), fit=True),
@@ -53,7 +58,6 @@ def _desk() -> list[Solid]:
         replace(box(-0.28, 0.28, 0.29, 0.33, 0.84, 1.22, "screen", "plastic-black"), fit=True),
         box(0.35, 0.6, 0.3, 0.6, 0.74, 0.79, "paper"),
         box(-0.25, 0.2, 0.5, 0.65, 0.74, 0.76, "plastic-black"),
-        *(s.moved(-0.05, 0.62) for s in _chair()),
     ]
 
 
@@ -193,6 +197,7 @@ PIECES: dict[str, Callable[[], list[Solid]]] = {
         box(0.12, 0.6, 0.03, 0.5, 0.0, 0.55, "cardboard"),
     ],
     "cabins": _cabins,
+    "chair": _chair,
     "coats": lambda: _panel(1.1, 1.3, 1.8, "coats"),
     "coffee-table": lambda: _table(1.1, 0.6, 0.42, "glass-table", "wood-dark"),
     "cooler": _cooler,
@@ -222,6 +227,7 @@ PIECES: dict[str, Callable[[], list[Solid]]] = {
     "stool": _stool,
     "table": lambda: _table(1.3, 0.8, 0.75, "wood-red", "wood-dark"),
     "television": lambda: _panel(1.5, 0.95, 1.8, "screen"),
+    "workplace": _workplace,
     "whiteboard": lambda: _panel(1.9, 0.9, 2.0, "whiteboard"),
 }
 """Every kind of furniture by name."""

@@ -8,9 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.datasets.synthetic.building import room_of
+from omnieval.datasets.synthetic.building import Building
+from omnieval.datasets.synthetic.day import Day, day_of
+from omnieval.datasets.synthetic.drives import made_drive
+from omnieval.datasets.synthetic.first import FIRST
 from omnieval.datasets.synthetic.people import Person, bodies, passers_by
 from omnieval.datasets.synthetic.picture import photograph
+from omnieval.datasets.synthetic.plans import building
 from omnieval.datasets.synthetic.render import Scene, build_scene, render_polar
 from omnieval.datasets.synthetic.tour import Tour, drive
 from omnieval.errors import DatasetError
@@ -21,9 +25,9 @@ _JPEG_QUALITY = 90
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive in a light: the tour, the scene it goes through, and who is about."""
+    """A drive on a day: the tour, the scene it goes through, and who is about."""
 
-    light: str
+    day: Day
     seed: int
     tour: Tour
     scene: Scene
@@ -31,11 +35,18 @@ class Drive:
     captures_a_tour: int
 
     @classmethod
-    def of(cls, light: str, seed: int, frames: int | None) -> Drive:
-        """Prepare the first `frames` captures of the drive, or one whole tour."""
-        once = drive(light, seed)
-        tour = once if frames is None else drive(light, seed, frames)
-        return cls(light, seed, tour, build_scene(light, seed), passers_by(light, seed, once), len(once.times))
+    def of(cls, light: str, seed: int, frames: int | None, number: int = 1) -> Drive:
+        """Prepare the first `frames` captures of the drive through building `number`, or one whole tour."""
+        day = day_of(building(number), light)
+        once = _driven(day, seed, None)
+        tour = once if frames is None else _driven(day, seed, frames)
+        textures = seed if day.building is FIRST else number
+        return cls(day, seed, tour, build_scene(day, textures), passers_by(day, seed, once), len(once.times))
+
+    @property
+    def building(self) -> Building:
+        """The building that is driven through."""
+        return self.day.building
 
     @property
     def names(self) -> list[str]:
@@ -48,14 +59,20 @@ class Drive:
     @property
     def rooms(self) -> list[str]:
         """Code of the room of every capture."""
-        return [room_of(x, y).code for x, y, _ in self.tour.poses]
+        return [self.building.room_at(x, y).code for x, y, _ in self.tour.poses]
 
     def picture(self, index: int) -> NDArray[np.uint8]:
         """Return the picture of a capture, shape (480, 640, 3), uint8 BGR."""
         x, y, yaw = (float(value) for value in self.tour.poses[index])
         people = bodies(self.people, index % self.captures_a_tour, (x, y))
         polar = render_polar(self.scene, (x, y, yaw), people)
-        return photograph(polar, self.scene.light, named_generator(self.seed, f"noise-{self.light}", index))
+        noise = named_generator(self.seed, f"noise-{self.day.name}", index)
+        return photograph(polar, self.scene.light, noise, self._turned(index))
+
+    def _turned(self, index: int) -> float:
+        """Return by how much the robot turns from the capture before to this one, radians."""
+        before, now = self.tour.poses[max(index - 1, 0), 2], self.tour.poses[index, 2]
+        return float((now - before + np.pi) % (2.0 * np.pi) - np.pi)
 
     def jpeg(self, index: int) -> bytes:
         """Return the picture of a capture as the bytes of a JPEG file."""
@@ -63,3 +80,7 @@ class Drive:
         if not done:
             raise DatasetError(f"cannot encode frame {index} of the synthetic sequence as JPEG")
         return data.tobytes()
+
+
+def _driven(day: Day, seed: int, frames: int | None) -> Tour:
+    return drive(day.name, seed, frames) if day.building is FIRST else made_drive(day, seed, frames)
