@@ -38,7 +38,7 @@ INTERRUPTED = 130
 app = typer.Typer(
     name="omnieval",
     help="Replay incremental topological mapping over omnidirectional images and keep the evidence of every decision.",
-    epilog="A SOURCE is synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, video:FILE, bag:PATH, "
+    epilog="A SOURCE is synthetic[:cloudy|night|sunny[:N]], cold:PATH, innova:PATH, folder:PATH, video:FILE, bag:PATH, "
     "npz:FILE, or a path recognised by its content. "
     "Exit codes: 0 ok, 1 unexpected, 2 usage or configuration, 3 dataset invalid, 4 regression failed, "
     "5 some jobs failed, 130 interrupted. Add --debug to any command for the traceback of an error.",

@@ -145,26 +145,27 @@ def check(
         raise DatasetError(f"{report.source} has {errors} error(s), listed above; mend or remove what they name")
 
 
-@app.command("synthesize", short_help="Render the synthetic building.")
+@app.command("synthesize", short_help="Render a synthetic building.")
 def synthesize(
     directory: Annotated[Path, typer.Argument(help="Folder to write the sequence to.", metavar="DIR")],
     light: Annotated[str, typer.Option(help="cloudy, night or sunny.", metavar="NAME")] = "cloudy",
+    building: Annotated[int, typer.Option(min=1, help="Number of the building.", metavar="N")] = 1,
     frames: Annotated[
         int | None, typer.Option(min=1, help="Number of frames; default the whole tour.", metavar="N")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of noise, people and the path's details.", metavar="N")] = 0,
 ) -> None:
-    """Render the synthetic building as a sequence in COLD's layout.
+    """Render a synthetic building as a sequence in COLD's layout.
 
     Examples:
 
-      omnieval dataset synthesize night1 --light night --frames 300 --seed 7
+      omnieval dataset synthesize night1 --light night --building 3 --frames 300 --seed 7
     """
     from omnieval.cli.console import progress
     from omnieval.datasets.synthetic import synthesize as write_sequence
 
     with progress("rendering") as report:
-        print(write_sequence(directory, light=light, frames=frames, seed=seed, progress=report))
+        print(write_sequence(directory, light=light, building=building, frames=frames, seed=seed, progress=report))
 
 
 def _print_report(report: CheckReport) -> None:

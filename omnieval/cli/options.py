@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Source = Annotated[
     str,
     typer.Argument(
-        help="Sequence: synthetic[:cloudy|night|sunny], cold:PATH, innova:PATH, folder:PATH, video:FILE, bag:PATH, "
+        help="Sequence: synthetic[:cloudy|night|sunny[:N]], cold:PATH, innova:PATH, folder:PATH, video:FILE, bag:PATH, "
         "descriptors npz:FILE, or a path recognised by its content.",
         metavar="SOURCE",
     ),

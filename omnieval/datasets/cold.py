@@ -36,7 +36,7 @@ from omnieval.datasets.scan import (
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose
 from omnieval.errors import DatasetError
-from omnieval.wording import did_you_mean, safe_name, shown
+from omnieval.wording import safe_name, shown
 
 SYNTHETIC = "synthetic"
 """Card of the built-in building."""
@@ -117,26 +117,24 @@ def scan_cold(path: str | Path) -> Scan:
     )
 
 
-def scan_rendered(light: str) -> Scan:
-    """Read the built-in building in `light` (empty: the first of `LIGHTS`), rendering it into the cache if need be.
+def scan_rendered(text: str) -> Scan:
+    """Read a built-in building, ``LIGHT[:BUILDING]`` (empty: the first light), rendering it into the cache if need be.
 
     Raises
     ------
     DatasetError
-        If there is no such light.
+        If there is no such light or building.
     """
-    from omnieval.datasets.synthetic import LIGHTS, cached
+    from omnieval.datasets.synthetic import cached, rendered
 
-    chosen = light or LIGHTS[0]
-    if chosen not in LIGHTS:
-        raise DatasetError(f"no light '{shown(light)}' in synthetic:{shown(light)}; {did_you_mean(light, LIGHTS)}")
+    which = rendered(text)
     return replace(
-        scan_cold(cached(chosen)),
-        name=f"synthetic-{chosen}",
-        source=f"synthetic:{chosen}",
+        scan_cold(cached(which.light, which.building)),
+        name=which.name,
+        source=which.source,
         camera=Camera("omnidirectional", card(SYNTHETIC).mirror),
         card=SYNTHETIC,
-        card_sequence=chosen,
+        card_sequence=which.light if which.building == 1 else None,
     )
 
 

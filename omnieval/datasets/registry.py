@@ -1,4 +1,4 @@
-"""From a source to its sequence: ``synthetic[:LIGHT]``, a scheme and a path such as ``cold:PATH``, or a path alone.
+"""From a source to its sequence: ``synthetic[:LIGHT[:N]]``, a scheme and a path such as ``cold:PATH``, or a path alone.
 
 Options of videos and bags are part of the source; see `omnieval.datasets.source`.
 """
@@ -128,9 +128,9 @@ def canonical(source: str) -> str:
     if scheme in STREAMS:
         return parse(scheme, rest).source
     if scheme in _WITHOUT_PATH:  # asking for it would render the building
-        from omnieval.datasets.synthetic import LIGHTS
+        from omnieval.datasets.synthetic import rendered
 
-        return f"{scheme}:{rest or LIGHTS[0]}"
+        return rendered(rest).source
     return f"{scheme}:{canonical_path(rest)}"
 
 

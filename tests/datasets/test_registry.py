@@ -93,7 +93,8 @@ class TestSynthetic:
         """A tiny sequence in place of the rendered building; the lights it was asked for."""
         asked = []
 
-        def cached(light):
+        def cached(light, building):
+            assert building == 1
             asked.append(light)
             root = tmp_path / light / "omnieval"
             return root if root.exists() else make_cold(root, cold_names(3), width=640)

@@ -11,8 +11,10 @@ import pytest
 from scipy.optimize import brentq
 
 from omnieval.datasets.synthetic import LIGHTS, MIRROR, camera
-from omnieval.datasets.synthetic.building import ROOMS, TWIN_SHIFT, TWINS, room_of, walls
-from omnieval.datasets.synthetic.furniture import FURNITURE, furniture
+from omnieval.datasets.synthetic.building import walls
+from omnieval.datasets.synthetic.day import day_of
+from omnieval.datasets.synthetic.first import FIRST, FURNITURE, ROOMS, TWIN_SHIFT, TWINS
+from omnieval.datasets.synthetic.furniture import standing
 from omnieval.datasets.synthetic.lighting import LIGHTS as DAYS
 from omnieval.datasets.synthetic.people import Person, bodies, passers_by
 from omnieval.datasets.synthetic.picture import photograph
@@ -21,11 +23,17 @@ from omnieval.datasets.synthetic.solids import Shape, Solid, box
 from omnieval.datasets.synthetic.tour import drive
 
 CORRIDOR = (6.5, 0.0, 0.0)
+room_of = FIRST.room_at
+
+
+def furniture(light):
+    """What stands in the first building, as solids."""
+    return standing(FIRST, day_of(FIRST, light).furniture)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return build_scene("cloudy", 0)
+    return build_scene(day_of(FIRST, "cloudy"), 0)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +155,7 @@ class TestTour:
 
     @pytest.mark.parametrize("light", LIGHTS)
     def test_no_pose_touches_anything(self, tours, light):
-        solids = [solid for solid in walls() + furniture(light) if solid.z0 < 1.5 and solid.z1 > 0.05]
+        solids = [solid for solid in walls(FIRST) + furniture(light) if solid.z0 < 1.5 and solid.z1 > 0.05]
         for solid in solids:
             assert plan_distances(solid, tours[light].poses).min() >= 0.2, solid
 
@@ -201,7 +209,7 @@ class TestBuilding:
 
     def test_other_lights_look_different_and_move_a_little_furniture(self, scene):
         by_day = render_polar(scene, CORRIDOR)
-        night, sunny = (build_scene(light, 0) for light in ("night", "sunny"))
+        night, sunny = (build_scene(day_of(FIRST, light), 0) for light in ("night", "sunny"))
         assert render_polar(night, CORRIDOR).mean() < 0.8 * by_day.mean()
         room = (11.8, -2.6, 0.0)  # before the large windows
         saturated = [np.mean(render_polar(each, room) >= 255.0) for each in (night, scene, sunny)]
@@ -213,7 +221,7 @@ class TestBuilding:
 
     def test_the_sun_does_not_shine_through_inner_walls(self):
         """The storage room has no window: its floor is nowhere brighter than on a day without sun patches."""
-        lit = render_polar(build_scene("sunny", 0), (7.9, -2.2, 0.0))
+        lit = render_polar(build_scene(day_of(FIRST, "sunny"), 0), (7.9, -2.2, 0.0))
         floor = lit[:, camera.slopes() < -1.0]
         assert floor.max() < 200.0
 
@@ -221,18 +229,21 @@ class TestBuilding:
 class TestPeople:
     def test_people_pass_upright_and_keep_clear_of_the_robot(self, tours):
         for light in LIGHTS:
-            people = passers_by(light, 0, tours[light])
+            people = passers_by(day_of(FIRST, light), 0, tours[light])
             seen = 0
             for capture, (x, y, _) in enumerate(tours[light].poses):
                 solids = bodies(people, capture, (x, y))
                 seen += bool(solids)
                 assert all(math.hypot(s.x - x, s.y - y) - s.width / 2 > 0.2 for s in solids)
             assert 0.2 < seen / len(tours[light].times) < 0.95
-            assert {person.step > 0.0 for person in people} | {person.step < 0.0 for person in people} == {True, False}
+            assert {person.step_x > 0.0 for person in people} | {person.step_x < 0.0 for person in people} == {
+                True,
+                False,
+            }
             assert max(s.z1 for p in people for s in bodies((p,), p.start, (0.0, 0.0))) > 1.6
 
     def test_they_hide_what_is_behind_them(self, scene):
-        someone = Person(5, 9, 8.0, 0.0, 0.0, ("jeans", "shirt-white"))
+        someone = Person(5, 9, 8.0, 0.0, 0.0, 0.0, ("jeans", "shirt-white"), (0.0, 20.0, -1.0, 1.0))
         x, y = 9.0, 0.0
         assert [len(bodies((someone,), capture, (x, y))) > 0 for capture in (4, 5, 8, 9)] == [False, True, True, False]
         body = bodies((someone,), 5, (x, y))

@@ -15,7 +15,7 @@ from omnieval.datasets.cards import card
 from omnieval.datasets.cold import scan_places
 from omnieval.datasets.sequence import Mirror
 from omnieval.datasets.synthetic import LIGHTS, MIRROR, RENDERER_VERSION, cached, camera, synthesize, write
-from omnieval.datasets.synthetic.building import ROOMS, room_of
+from omnieval.datasets.synthetic.first import FIRST, ROOMS
 from omnieval.datasets.synthetic.lighting import LIGHTS as DAYS
 from omnieval.datasets.synthetic.shoot import Drive
 from omnieval.datasets.synthetic.tour import drive
@@ -29,6 +29,11 @@ def tours():
 
 def path_length(poses):
     return np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()
+
+
+def image_of(folder):
+    (image,) = folder.glob("omni_cam/*.jpeg")
+    return image.read_bytes()
 
 
 def files_of(folder):
@@ -61,10 +66,10 @@ class TestSynthesize:
 
     def test_another_seed_or_light_gives_another_sequence(self, tmp_path):
         first = synthesize(tmp_path / "a", frames=1)
-        images = [next(iter(files_of(first).values()))]
+        images = [image_of(first)]
         for light, seed in (("cloudy", 1), ("night", 0), ("sunny", 0)):
             folder = synthesize(tmp_path / f"{light}-{seed}", frames=1, light=light, seed=seed)
-            images.append(next(iter(files_of(folder).values())))
+            images.append(image_of(folder))
         assert len(set(images)) == 4
 
     def test_it_is_a_cold_sequence(self, tmp_path):
@@ -73,7 +78,7 @@ class TestSynthesize:
         tour = drive("cloudy", 0, 12)
         np.testing.assert_array_equal(sequence.positions, tour.poses[:, :2])
         np.testing.assert_array_equal(sequence.yaws, tour.poses[:, 2])
-        assert sequence.rooms == tuple(room_of(x, y).code for x, y, _ in tour.poses)
+        assert sequence.rooms == tuple(FIRST.room_at(x, y).code for x, y, _ in tour.poses)
         assert sequence.rooms[-1] == "1PO"
         assert [frame.path.name for frame in sequence.frames] == list(Drive.of("cloudy", 0, 12).names)
         text = (folder / "localization" / "places.lst").read_text()
@@ -126,8 +131,8 @@ class TestCached:
     def test_it_is_rendered_once_under_the_renderers_version(self, cache, monkeypatch):
         asked = []
 
-        def short(folder, *, light):
-            asked.append(light)
+        def short(folder, *, light, building):
+            asked.append((light, building))
             return synthesize(folder, light=light, frames=1)
 
         monkeypatch.setattr(write, "synthesize", short)
@@ -135,11 +140,11 @@ class TestCached:
         assert folder.is_relative_to(cache)
         assert f"v{RENDERER_VERSION}" in folder.name
         assert cached("night") == folder
-        assert asked == ["night"]
+        assert asked == [("night", 1)]
         assert len(list((folder / "omni_cam").iterdir())) == 1
 
     def test_a_sequence_that_another_process_finished_meanwhile_is_taken(self, monkeypatch):
-        def beaten(folder, *, light):
+        def beaten(folder, *, light, building):
             folder.mkdir(parents=True)
             raise DatasetError("exists and is not empty")
 

@@ -11,7 +11,7 @@ import pytest
 
 import omnieval
 from omnieval.datasets.check import check
-from omnieval.datasets.synthetic.building import ROOMS
+from omnieval.datasets.synthetic.first import ROOMS
 from omnieval.loop import replay
 from omnieval.regression.cases import replayed, selection_of
 from omnieval.regression.reference import read_reference

@@ -21,7 +21,7 @@ FRAME = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A rectangular room: its inside bounds, its COLD-like code, what its surfaces look like, and its lamps' tint (BGR)."""
+    """A rectangular room: inside bounds, COLD-like code, what its surfaces look like, lamps and their tint (BGR)."""
 
     code: str
     x0: float

@@ -66,7 +66,10 @@ def polar_map() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 @cache
 def rim(vignetting: float) -> NDArray[np.float32]:
-    """Return the share of the mirror's picture in the pixels of `DISC`, shape (rows, columns, 1); less by `vignetting` at the edge."""
+    """Return the share of the mirror's picture in the pixels of `DISC`, shape (rows, columns, 1).
+
+    It is less by `vignetting` at the edge.
+    """
     r = np.hypot(*_from_centre())
     vignette = 1.0 - vignetting * (r / MIRROR.r_out) ** 3
     return np.asarray((_annulus(r) * vignette)[DISC][..., None], dtype=np.float32)

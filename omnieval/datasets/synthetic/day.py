@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnieval.datasets.synthetic.building import Building, Placed, walls
 from omnieval.datasets.synthetic.facts import LIGHTS
 from omnieval.datasets.synthetic.first import FIRST, furniture_on
-from omnieval.datasets.synthetic.furnish import size_of
+from omnieval.datasets.synthetic.furnish import WALLS, Wall, size_of
 from omnieval.datasets.synthetic.furniture import solids_of, standing
 from omnieval.datasets.synthetic.lighting import LIGHTS as DRAWN
 from omnieval.datasets.synthetic.lighting import REAL, Light
@@ -25,6 +25,11 @@ _MOVABLE = frozenset({"stool", "boxes", "bin", "plant", "plant-low", "cooler", "
 _CLUTTER = ("boxes", "bin", "stool", "plant-low")
 _CLEAR = 0.34
 """How far from the middle of the way everything stands, metres."""
+_SIDES: dict[str, tuple[tuple[Wall, float], ...]] = {
+    "x": (("S", 0.1), ("N", -0.1)),
+    "y": (("W", 0.1), ("E", -0.1)),
+}
+"""Which wall of the room on either side of a wall along an axis that wall is, and where that room lies."""
 _DARK_SHARE = {"cloudy": 0.0, "night": 0.1, "sunny": 1.0}
 """How many of the rooms with windows have their lamps off."""
 
@@ -86,8 +91,7 @@ def _leaves(building: Building, entered: frozenset[str], rng: np.random.Generato
         if opening.kind != "door":
             continue
         middle = (opening.start + opening.end) / 2
-        sides = {"x": (("S", 0.1), ("N", -0.1)), "y": (("W", 0.1), ("E", -0.1))}[opening.axis]
-        for wall, step in sides:
+        for wall, step in _SIDES[opening.axis]:
             place = (middle, opening.at + step) if opening.axis == "x" else (opening.at + step, middle)
             room = next((r for r in building.rooms if r.distance(*place) == 0.0 and not r.corridor), None)
             if room is None:
@@ -95,7 +99,7 @@ def _leaves(building: Building, entered: frozenset[str], rng: np.random.Generato
             angle = rng.uniform(90.0, 165.0) if room.code in entered else rng.choice([0.0, 0.0, 25.0])
             hinge = opening.start + 0.06 if wall in "SE" else opening.end - 0.06
             turn = float(math.radians(angle) - math.pi / 2)
-            leaves.append(Placed(room.code, "leaf", wall, hinge, 0.0, turn))  # type: ignore[arg-type]
+            leaves.append(Placed(room.code, "leaf", wall, hinge, 0.0, turn))
     return leaves
 
 
@@ -127,11 +131,11 @@ def _clutter(building: Building, rng: np.random.Generator) -> list[Placed]:
     """Return things that somebody has left at the walls."""
     pieces = []
     for room in building.rooms:
-        for wall in ("N", "E", "S", "W"):
+        for wall in WALLS:
             kind, place = _CLUTTER[int(rng.integers(len(_CLUTTER)))], float(rng.uniform())
             low, high = (room.x0, room.x1) if wall in "NS" else (room.y0, room.y1)
             if rng.random() < 0.3:
-                pieces.append(_within(building, Placed(room.code, kind, wall, 0.0), low + place * (high - low)))  # type: ignore[arg-type]
+                pieces.append(_within(building, Placed(room.code, kind, wall, 0.0), low + place * (high - low)))
     return pieces
 
 

@@ -12,8 +12,8 @@ from omnieval.datasets.synthetic.tour import PERIOD, START, Tour
 from omnieval.datasets.synthetic.way import STEP, Floats
 from omnieval.seeding import named_generator
 
-SPACING = 0.165
-"""Metres between captures; a published map of COLD has its images 0.17 m apart."""
+SPACING = 0.185
+"""Metres between captures on a straight way; a published map of COLD has its images 0.17 m apart."""
 _SPEED = {"cloudy": 1.0, "night": 0.86, "sunny": 1.18}
 """How fast each light is driven, relative to `SPACING` in a `PERIOD`."""
 _OFFSET = 0.4
@@ -24,6 +24,8 @@ _KEPT = 0.28
 """How near the robot's centre comes to anything, metres."""
 _LOOK = 0.34
 """The heading is the chord from so far behind to so far ahead on the way, metres."""
+_WIDE, _SLOWEST = 0.8, 0.45
+"""In bends narrower than this radius, metres, the robot is slower, at most by this factor."""
 _PAUSES = 3
 _HOURS = {"cloudy": 0.0, "night": 10.5 * 3600.0, "sunny": 86400.0}
 """When each light is driven, seconds after `START`."""
@@ -37,7 +39,7 @@ def made_drive(day: Day, seed: int, frames: int | None = None) -> Tour:
     """
     loop = _beside(day, seed)
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0, append=loop[:1]).T))])
-    lap = _lap(day, seed, float(at[-1]))
+    lap = _lap(day, seed, loop, at)
     count = len(lap) if frames is None else frames
     index = np.arange(count)
     travelled = lap[index % len(lap)] + at[-1] * (index // len(lap))
@@ -52,20 +54,25 @@ def _beside(day: Day, seed: int) -> Floats:
     """Return the way with its offsets: wide where there is room, none in doorways."""
     way = day.way
     length = len(way) * STEP
-    tangent = np.roll(way, -5, axis=0) - np.roll(way, 5, axis=0)
-    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    turned = np.roll(tangent, -10, axis=0) - np.roll(tangent, 10, axis=0)
-    radius = 20 * STEP / np.maximum(np.hypot(*turned.T), 1e-6)
+    tangent, radius = _bends(way)
     solids = [solid for solid in day.solids() if solid.z0 < 1.5 and solid.z1 > 0.05 and solid.glass == 0.0]
     free = clearances(way, solids) - _KEPT
     limit = np.clip(np.minimum(free, 0.4 * radius), 0.0, _OFFSET)
     limit = uniform_filter1d(minimum_filter1d(limit, 41, mode="wrap"), 41, mode="wrap")
-    s = np.arange(len(way)) * STEP
+    s = np.asarray(np.arange(len(way)) * STEP, np.float64)
     mean = named_generator(day.building.number, f"offset-{day.name}")
     wander = _waves(mean, s, length, (6.0, 16.0), 4) * _OFFSET
     sway = _waves(named_generator(seed, f"sway-{day.name}"), s, length, (2.5, 9.0), 3) * _SWAY
     offset = np.clip(wander + sway, -limit, limit)
     return np.asarray(way + offset[:, None] * np.column_stack([-tangent[:, 1], tangent[:, 0]]))
+
+
+def _bends(way: Floats) -> tuple[Floats, Floats]:
+    """Return the direction of a closed way and the radius of its bends, metres, shapes (m, 2) and (m,)."""
+    tangent = np.roll(way, -5, axis=0) - np.roll(way, 5, axis=0)
+    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
+    turned = np.roll(tangent, -10, axis=0) - np.roll(tangent, 10, axis=0)
+    return tangent, 20 * STEP / np.maximum(np.hypot(*turned.T), 1e-6)
 
 
 def _waves(rng: np.random.Generator, s: Floats, length: float, between: tuple[float, float], count: int) -> Floats:
@@ -76,8 +83,10 @@ def _waves(rng: np.random.Generator, s: Floats, length: float, between: tuple[fl
     return np.asarray(np.clip(1.6 * waves / count, -1.0, 1.0))
 
 
-def _lap(day: Day, seed: int, length: float) -> Floats:
-    """Return how far the robot has come at each capture of one tour, metres; it pauses now and then."""
+def _lap(day: Day, seed: int, loop: Floats, at: Floats) -> Floats:
+    """Return how far the robot has come at each capture of one tour, metres; it is slow in bends and pauses."""
+    length = float(at[-1])
+    slow = minimum_filter1d(np.clip(_bends(loop)[1] / _WIDE, _SLOWEST, 1.0), 15, mode="wrap")
     rng = named_generator(day.building.number, f"speed-{day.name}")
     phase, wave = rng.uniform(0.0, 6.28), 2.0 * math.pi / rng.uniform(15.0, 30.0)
     halts = np.sort(rng.uniform(0.05, 0.95, _PAUSES)) * length
@@ -88,7 +97,8 @@ def _lap(day: Day, seed: int, length: float) -> Floats:
         places.append(s)
         if pauses and s >= pauses[0][0]:
             places += [s] * int(pauses.pop(0)[1])
-        s += SPACING * _SPEED[day.name] * (1.0 + 0.25 * math.sin(wave * s + phase))
+        bend = float(slow[min(int(np.searchsorted(at, s)), len(slow) - 1)])
+        s += SPACING * _SPEED[day.name] * bend * (1.0 + 0.25 * math.sin(wave * s + phase))
     return np.array(places)
 
 

@@ -14,6 +14,7 @@ from omnieval.datasets.synthetic.pieces import PIECES
 from omnieval.datasets.synthetic.solids import Shape
 
 Wall = Literal["N", "E", "S", "W"]
+WALLS: tuple[Wall, ...] = ("N", "E", "S", "W")
 _OPPOSITE: dict[Wall, Wall] = {"N": "S", "S": "N", "E": "W", "W": "E"}
 _DOOR_CLEAR = 0.75
 """How far from a door's edge nothing stands on its wall, metres."""
@@ -86,10 +87,10 @@ def furnished(building: Building, rng: np.random.Generator) -> tuple[Placed, ...
 
 def _furnish(room: Room, openings: Iterable[Opening], rng: np.random.Generator) -> list[Placed]:
     """Put what belongs in a room at its walls, as long as there is room."""
-    holes = {wall: _holes(room, wall, openings) for wall in ("N", "E", "S", "W")}
+    holes = {wall: _holes(room, wall, openings) for wall in WALLS}
     doors = [wall for wall, found in holes.items() if any(o.kind in ("door", "passage") for o in found)]
     across = _OPPOSITE[doors[0]] if len(doors) == 1 else None
-    taken: dict[Wall, list[tuple[float, float, float]]] = {wall: [] for wall in ("N", "E", "S", "W")}
+    taken: dict[Wall, list[tuple[float, float, float]]] = {wall: [] for wall in WALLS}
     pieces: list[Placed] = []
     contents = _CONTENTS[kind_of(room.code)]
     if room.corridor:
@@ -97,7 +98,7 @@ def _furnish(room: Room, openings: Iterable[Opening], rng: np.random.Generator) 
     for kind in contents:
         size = size_of(kind)
         deep = size.depth > _DEEPEST_BESIDE
-        walls: list[Wall] = [across] if deep and across else [w for w in ("N", "E", "S", "W") if not deep]
+        walls: list[Wall] = [across] if deep and across else [w for w in WALLS if not deep]
         places = [(w, p) for w in walls for p in _places(room, w, kind, holes[w], taken)]
         if not places:
             continue

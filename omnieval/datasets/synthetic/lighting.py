@@ -270,8 +270,8 @@ def sunshine(building: Building) -> Sunshine:
     """Return where the sun may shine: in rooms with windows in their southern wall."""
     rows, columns = grid_shape(building)
     left, _, bottom, _ = building.footprint
-    x = left + (np.arange(columns) + 0.5) * CELL
-    y = bottom + (np.arange(rows) + 0.5) * CELL
+    x = np.asarray(left + (np.arange(columns) + 0.5) * CELL, np.float64)
+    y = np.asarray(bottom + (np.arange(rows) + 0.5) * CELL, np.float64)
     facade = np.full((rows, columns), -1, np.int32)
     at: list[float] = []
     spans: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []

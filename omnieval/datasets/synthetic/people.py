@@ -59,9 +59,10 @@ def passers_by(day: Day, seed: int, tour: Tour) -> tuple[Person, ...]:
     people = []
     spots = _SPOTS if day.building is FIRST else _spots(day, rng)
     for spot in rng.permutation(len(spots))[:4]:
+        x, y = spots[spot]
         start = int(rng.integers(0, max(1, count - _STAND_FRAMES)))
         clothes = _CLOTHES[int(rng.integers(len(_CLOTHES)))]
-        people.append(Person(start, start + _STAND_FRAMES, *spots[spot], 0.0, 0.0, clothes, _EVERYWHERE))
+        people.append(Person(start, start + _STAND_FRAMES, x, y, 0.0, 0.0, clothes, _EVERYWHERE))
     corridors = [room for room in day.building.rooms if room.corridor]
     along = {room.code: room.x1 - room.x0 >= room.y1 - room.y0 for room in corridors}
     inside = np.array([[_amidst(room, along[room.code], x, y) for room in corridors] for x, y, _ in tour.poses])
@@ -87,7 +88,10 @@ def passers_by(day: Day, seed: int, tour: Tour) -> tuple[Person, ...]:
 
 def _amidst(room: Room, along: bool, x: float, y: float) -> bool:
     """Tell whether a place is on the middle of a corridor, 1 m wide."""
-    return room.distance(x, y) == 0.0 and abs((y - (room.y0 + room.y1) / 2) if along else (x - (room.x0 + room.x1) / 2)) < 0.5
+    return (
+        room.distance(x, y) == 0.0
+        and abs((y - (room.y0 + room.y1) / 2) if along else (x - (room.x0 + room.x1) / 2)) < 0.5
+    )
 
 
 def _spots(day: Day, rng: np.random.Generator) -> list[tuple[float, float]]:

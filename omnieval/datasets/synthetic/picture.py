@@ -79,7 +79,7 @@ def _show_mount(view: NDArray[np.float32], polar: NDArray[np.float32]) -> None:
 def _development(look: Look) -> NDArray[np.uint8]:
     """Return the table from what the sensor saw to what is stored, shape (256, 1, 3)."""
     curve = _BLACK + 255.0 * (np.arange(256.0) / 255.0) ** look.curve * 1.12
-    return np.clip(np.rint(curve[:, None, None] * np.array(look.cast)), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(curve[:, None, None] * np.array(look.cast)), 0, 255), np.uint8)
 
 
 def _bloom(view: NDArray[np.float32], share: float) -> None:

@@ -149,8 +149,7 @@ def _laid_out(
         right = inner[1] + _GAP
         corridors = [(0.0, w, 0.0, tall), (right, right + w, 0.0, tall), (*inner, middle, middle + w)]
         joints = [
-            Opening("y", at, middle + 0.15, middle + w - 0.15, "passage", 0.0, 2.3)
-            for at in (w + SHELL, right - SHELL)
+            Opening("y", at, middle + 0.15, middle + w - 0.15, "passage", 0.0, 2.3) for at in (w + SHELL, right - SHELL)
         ]
         slots += _strip(0, (-_GAP - deep[0], -_GAP, 0.0, tall), "E", rng)
         slots += _strip(1, (right + w + _GAP, right + w + _GAP + deep[1], 0.0, tall), "W", rng)
@@ -229,7 +228,7 @@ def _corridor_rooms(corridors: list[Rectangle], rng: np.random.Generator) -> lis
     floor = ("linoleum", "parquet", "tiles-large", "planks")[int(rng.integers(4))]
     rooms = []
     for number, (x0, x1, y0, y1) in enumerate(corridors, start=1):
-        along = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
+        along = max(y1 - y0, x1 - x0)
         count = max(1, round(along / 4.5))
         places = [(i + 0.5) / count for i in range(count)]
         flat = x1 - x0 > y1 - y0
@@ -286,7 +285,7 @@ def _windows(room: Room, rooms: list[Room], openings: list[Opening], rng: np.ran
     for axis, at, start, end, out in walls:
         share, shift = rng.uniform(0.35, 0.6), rng.uniform(-0.1, 0.1)
         sill = float(rng.choice([1.1, 1.2, 1.3, 1.4]))
-        if room.corridor and end - start > 4.0 or room.code.startswith("ST"):
+        if (room.corridor and end - start > 4.0) or room.code.startswith("ST"):
             continue
         middle, half = (start + end) / 2 + shift, (end - start) / 2 * share
         sides = [(middle + k * half, at + out * d) for k in (-1.0, 0.0, 1.0) for d in (0.3, 1.5)]

@@ -280,7 +280,9 @@ def _let_the_sun_in(
     picture[sunny] += colour[sunny] * (falls[lit][:, None] * _SUN_COLOUR)
 
 
-def _polish_floor(scene: Scene, look: Look, picture: Floats, texture: NDArray[np.int32], code: NDArray[np.int32]) -> None:
+def _polish_floor(
+    scene: Scene, look: Look, picture: Floats, texture: NDArray[np.int32], code: NDArray[np.int32]
+) -> None:
     """Let shiny floors mirror what is above them, the more the flatter they are seen."""
     slope = camera.slopes()
     below = int(np.searchsorted(slope, 0.0))

@@ -150,7 +150,7 @@ def planned(building: Building, light: str, lights: Sequence[str]) -> Plan:
     for _ in range(len(order) // 5):
         i = int(rng.integers(len(order) - 1))
         order[i], order[i + 1] = order[i + 1], order[i]
-    again = [code for code in rng.permutation(np.array(order))[:2].tolist() if code not in (order[0], order[-1])]
+    again = rng.permutation(np.array(order[1:-1]))[:2].tolist()
     toll = {
         frozenset((a, b)): float(rng.uniform(0.7, 1.4))
         for a in sorted(graph.links)

@@ -10,17 +10,20 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from omnieval.datasets.cachedir import cache_dir
-from omnieval.datasets.synthetic.facts import LIGHTS, RENDERER_VERSION
+from omnieval.datasets.synthetic.facts import HIGHEST_BUILDING, LIGHTS, RENDERER_VERSION, Rendered
 from omnieval.errors import DatasetError
 
 Progress = Callable[[int, int], None]
 _PART = "A"
+OUTLINES = "building.json"
+"""The file with the rooms' outlines and the doors."""
 
 
 def synthesize(
     folder: Path,
     *,
     light: str = "cloudy",
+    building: int = 1,
     frames: int | None = None,
     seed: int = 0,
     workers: int | None = None,
@@ -34,11 +37,13 @@ def synthesize(
         Where to; it must not exist, or be empty. It appears under this name only when it is complete.
     light
         One of `LIGHTS`.
+    building
+        Number of the building: 1 is drawn by hand, the plans of the others follow from the number.
     frames
         How many captures: the first of the tour; more than one tour has, and the robot drives it again. None: one
         whole tour.
     seed
-        Decides textures, sway, clock, people and noise. The same seed gives the same bytes.
+        Decides sway, clock, people and noise, and the textures of building 1. The same seed gives the same bytes.
     workers
         Threads; None: one a processor. The result does not depend on it.
     progress
@@ -47,14 +52,14 @@ def synthesize(
     Returns
     -------
     Path
-        `folder`, now with ``omni_cam/*.jpeg`` and ``localization/places.lst``.
+        `folder`, now with ``omni_cam/*.jpeg``, ``localization/places.lst`` and ``building.json``.
 
     Raises
     ------
     DatasetError
-        If the light is unknown, a number makes no sense, or the folder is in use or cannot be written.
+        If light or building is unknown, a number makes no sense, or the folder is in use or cannot be written.
     """
-    _refuse_nonsense(light, frames, seed, workers)
+    _refuse_nonsense(light, building, frames, seed, workers)
     folder = Path(folder)
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -62,16 +67,18 @@ def synthesize(
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
             draft = Path(scratch) / "sequence"
-            _write_sequence(draft, light, frames, seed, workers or os.cpu_count() or 1, progress)
+            _write_sequence(draft, Rendered(light, building), frames, seed, workers or os.cpu_count() or 1, progress)
             draft.replace(folder)
     except OSError as error:
         raise DatasetError(f"cannot write a synthetic sequence to {folder}: {error.strerror or error}") from error
     return folder
 
 
-def _refuse_nonsense(light: str, frames: int | None, seed: int, workers: int | None) -> None:
+def _refuse_nonsense(light: str, building: int, frames: int | None, seed: int, workers: int | None) -> None:
     if light not in LIGHTS:
         raise DatasetError(f"no light '{light}' in the synthetic building; choose one of {', '.join(LIGHTS)}")
+    if not 1 <= building <= HIGHEST_BUILDING:
+        raise DatasetError(f"there is no synthetic building {building}; they are numbered 1 to {HIGHEST_BUILDING}")
     if frames is not None and frames < 1:
         raise DatasetError(f"a synthetic sequence needs at least 1 frame, not {frames}")
     if seed < 0:
@@ -80,18 +87,18 @@ def _refuse_nonsense(light: str, frames: int | None, seed: int, workers: int | N
         raise DatasetError(f"a synthetic sequence needs at least 1 worker, not {workers}")
 
 
-def cached(light: str) -> Path:
+def cached(light: str, building: int = 1) -> Path:
     """Return the default sequence in `light` from the cache folder, rendering it first if it is not there.
 
     Raises
     ------
     DatasetError
-        If the light is unknown or the cache folder cannot be written.
+        If light or building is unknown or the cache folder cannot be written.
     """
-    folder = cache_dir() / "synthetic" / f"v{RENDERER_VERSION}-{light}"
+    folder = cache_dir() / "synthetic" / "-".join((f"v{RENDERER_VERSION}", *Rendered(light, building).words))
     if not folder.is_dir():
         try:
-            synthesize(folder, light=light)
+            synthesize(folder, light=light, building=building)
         except DatasetError:
             # Another process may have finished the same sequence meanwhile; both have the same bytes.
             if not folder.is_dir():
@@ -100,12 +107,13 @@ def cached(light: str) -> Path:
 
 
 def _write_sequence(
-    folder: Path, light: str, frames: int | None, seed: int, workers: int, progress: Progress | None
+    folder: Path, which: Rendered, frames: int | None, seed: int, workers: int, progress: Progress | None
 ) -> None:
-    """Write all images and the list of places into a new folder."""
+    """Write all images, the list of places and the outlines of the rooms into a new folder."""
+    from omnieval.datasets.synthetic.outlines import outlines
     from omnieval.datasets.synthetic.shoot import Drive
 
-    drive = Drive.of(light, seed, frames)
+    drive = Drive.of(which.light, seed, frames, which.building)
     images, places = folder / "omni_cam", folder / "localization"
     images.mkdir(parents=True)
     places.mkdir()
@@ -116,6 +124,7 @@ def _write_sequence(
             progress(done, len(names))
     lines = [f"{name} {room}-{_PART}\n" for name, room in zip(names, drive.rooms, strict=True)]
     (places / "places.lst").write_text("".join(lines), encoding="utf-8", newline="\n")
+    (folder / OUTLINES).write_text(outlines(drive.building), encoding="utf-8", newline="\n")
 
 
 def _in_order(make: Callable[[int], bytes], count: int, workers: int) -> Iterator[tuple[int, bytes]]:
