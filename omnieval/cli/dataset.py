@@ -159,7 +159,7 @@ def synthesize(
 
     Examples:
 
-      omnieval dataset synthesize night1 --light night --building 3 --frames 300 --seed 7
+      omnieval dataset synthesize night3 --light night --building 3 --frames 300
     """
     from omnieval.cli.console import progress
     from omnieval.datasets.synthetic import synthesize as write_sequence
