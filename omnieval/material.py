@@ -35,7 +35,7 @@ from omnieval.errors import ConfigError, DatasetError, ResultError
 from omnieval.imaging.camera import CameraModel, camera_of, resolve_camera
 from omnieval.imaging.glance import image_size
 from omnieval.imaging.pictures import Pictures
-from omnieval.imaging.soundness import BadImage, refuse_bad, without_bad
+from omnieval.imaging.soundness import BadImage, examined, without_bad
 from omnieval.results.provenance import dataset_fingerprint
 from omnieval.results.run_folder import Run
 
@@ -285,7 +285,7 @@ def _of_images(
     camera: CameraModel | None = None,
     undescribed_cells: int | None = None,
 ) -> Material:
-    refuse_bad(sequence, cache)
+    sequence = examined(sequence, cache)
     unposed = why_unposed(sequence.frames)
     sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
     camera = camera or resolve_camera(sequence, config.imaging, cache)

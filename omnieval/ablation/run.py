@@ -23,7 +23,7 @@ from omnieval.config import Setting
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError, OmnievalError
-from omnieval.imaging.soundness import refuse_bad
+from omnieval.imaging.soundness import examined
 from omnieval.loop import run as replay
 from omnieval.material import Cut, Source, opened
 from omnieval.recording import RecordingOptions
@@ -196,7 +196,7 @@ def run_plan(
     with DescriptorCache() as cache:
         for given in {job.input.source: job.input.given for job in plan.jobs}.values():
             if isinstance(given, ImageSequence):
-                refuse_bad(given, cache)
+                examined(given, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
     work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
     resume = resume and store.exists()

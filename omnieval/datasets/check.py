@@ -20,6 +20,7 @@ bad-card              error    the data card beside the data is wrong
 missing-poses         error    the ground truth that the data card names is not there
 several-poses         error    more than one file may be the ground truth
 rows-differ           error    not one row of ground truth for each image
+labels-match-nothing  error    no label names an image that is there, or one of nearly the same time
 ambiguous-image       error    a row of ground truth may mean several images
 bad-camera            error    ``camera.toml`` is wrong
 unreadable-image      error    the file cannot be read
@@ -27,6 +28,7 @@ empty-image           error    the file has no bytes
 truncated-image       error    the file ends early
 damaged-image         error    a checksum within the file is wrong (PNG), or a part was overwritten (JPEG)
 not-an-image          error    the file cannot be decoded
+not-a-picture         error    the file holds other numbers than grey levels
 wrong-size            error    the image's size differs from the others'
 missing-file          error    there is no such video or bag
 unreadable-stream     error    a video or bag cannot be decoded, or has not what is asked of it
@@ -40,6 +42,15 @@ names-not-in-order    warning  by its name an image comes after one that was tak
 yaw-out-of-range      warning  a yaw that is probably not in radians
 image-without-label   warning  an image that ``places.lst`` does not name
 image-without-pose    warning  an image without a pose in ``poses.csv`` or the ground truth
+label-by-time         warning  a label that names an image of nearly the same time, and not this one
+mixed-kinds           warning  an image of another kind than most: format, colours, or bits a channel
+mixed-orientation     warning  an image that its EXIF orientation turns otherwise than most
+turned-image          warning  an image that its EXIF orientation turns
+few-bits              warning  an image of 16 bits a channel that uses fewer
+no-contrast           warning  an image whose grey levels hardly differ
+no-end-marker         warning  a JPEG without its last bytes, but with all of its pixels
+twin                  warning  an image whose name differs from another's in words only, as a mask's does
+unread-image          warning  an image of a kind that is not read
 several-folders       warning  images lie in more than one folder
 stray-file            warning  something else among the images
 size-differs          warning  the images' size differs from the data card
@@ -66,11 +77,11 @@ from pathlib import Path
 
 from omnieval.datasets.cards import card
 from omnieval.datasets.findings import ROOT, Finding, in_order
-from omnieval.datasets.images import ImageReport, inspect_image, usual_size, wrong_size
+from omnieval.datasets.image_findings import image_findings
+from omnieval.datasets.images import ImageReport, inspect_image, usual_size
 from omnieval.datasets.registry import scan
 from omnieval.datasets.scan import Scan
 from omnieval.datasets.sequence import Frame
-from omnieval.wording import shown
 
 LENGTH_TOLERANCE = 0.02
 """Relative; publications do not say how they measured the length."""
@@ -136,9 +147,13 @@ def check(source: str | Path, *, progress: Progress | None = None) -> CheckRepor
     found = scan(source)
     paths = [frame.path for frame in found.frames] + list(found.unnamed)
     reports = dict(zip(paths, _inspect_all(paths, progress), strict=True))
-    size, image_findings = _image_findings(found, reports)
+    size = usual_size(reports.values())
     length = path_length(found.frames)
-    findings = [*found.findings, *image_findings, *_card_findings(found, length, size)]
+    findings = [
+        *found.findings,
+        *image_findings({found.place_of(path): report for path, report in reports.items()}),
+        *_card_findings(found, length, size),
+    ]
     return CheckReport(
         source=found.source,
         name=found.name,
@@ -181,20 +196,6 @@ def _inspect_all(paths: list[Path], progress: Progress | None) -> Iterator[Image
                 if progress is not None:
                     progress(done, len(paths))
                 yield report
-
-
-def _image_findings(found: Scan, reports: dict[Path, ImageReport]) -> tuple[tuple[int, int] | None, list[Finding]]:
-    """Return the size most images have, and a finding for each image that is faulty or of another size."""
-    usual = usual_size(reports.values())
-    findings: list[Finding] = []
-    for path, report in reports.items():
-        where = shown(path.relative_to(found.root).as_posix())
-        if report.size is None:
-            findings.append(Finding("error", report.code, where, report.message))
-        elif usual is not None and report.size != usual:
-            message = wrong_size(report.size, usual)
-            findings.append(Finding("error", "wrong-size", where, message))
-    return usual, findings
 
 
 def _card_findings(found: Scan, length: float | None, size: tuple[int, int] | None) -> list[Finding]:

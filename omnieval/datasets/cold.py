@@ -32,6 +32,7 @@ from omnieval.datasets.scan import (
     in_time,
     pose_remarks,
     read_text,
+    unread_remarks,
     visible_names,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose
@@ -147,8 +148,9 @@ def _scan_names(found: ImageFolders) -> tuple[list[Frame], list[Finding], list[P
         for name in visible_names(found.root / folder):
             path, where = found.root / folder / name, "/".join(filter(None, (folder, name)))
             if not has_image_suffix(name):
-                if folder:
-                    findings.append(Finding("warning", "stray-file", shown(where), "not an image; ignored"))
+                unread = unread_remarks([where])
+                stray = [Finding("warning", "stray-file", shown(where), "not an image; ignored")] if folder else []
+                findings += unread or stray
                 continue
             published = found.layout == "published"
             try:

@@ -3,7 +3,7 @@
 The folder looks like this::
 
     my_panoramas/
-      img_0001.png                   *.png, *.jpg, *.jpeg, *.bmp, upper or lower case
+      img_0001.png                   *.png, *.jpg, *.tif ..., upper or lower case
       ...
       poses.csv                      optional, see `omnieval.datasets.poses`
       camera.toml                    optional, see `omnieval.datasets.cards.parse_camera`
@@ -25,7 +25,7 @@ from pathlib import Path
 
 from omnieval.datasets.cards import CAMERA_FILE, Card, GroundTruth, Layout, card, overridden, parse_camera
 from omnieval.datasets.findings import ROOT, Finding
-from omnieval.datasets.names import natural_key, time_in_name
+from omnieval.datasets.names import natural_key, time_in_name, twins
 from omnieval.datasets.poses import BY_HEADING, Capture, Table, file_key, scan_table, wrapped
 from omnieval.datasets.scan import (
     IMAGE_KINDS,
@@ -37,6 +37,7 @@ from omnieval.datasets.scan import (
     name_faults,
     pose_remarks,
     read_text,
+    unread_remarks,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose
 from omnieval.errors import DatasetError
@@ -72,11 +73,13 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
     except DatasetError as error:
         return replace(base, findings=(Finding("error", "bad-card", ROOT, str(error)),))
     layout = known.layout or Layout()
-    names = sorted(filter(has_image_suffix, _matches(root, layout.images)), key=natural_key)
+    matched = _matches(root, layout.images)
+    names = sorted(filter(has_image_suffix, matched), key=natural_key)
     captures, findings = _read_poses(root, names, layout.ground_truth)
     frames, time_findings = in_time(_timed([_frame(root, name, captures.get(name)) for name in names]))
     camera = Camera("omnidirectional" if known.mirror else layout.kind, known.mirror)
-    faults = [*_name_faults(names, layout, own_cards[0]), *findings, *_spread_remarks(names)]
+    faults = [*_name_faults(names, layout, own_cards[0]), *findings, *_spread_remarks(names), *unread_remarks(matched)]
+    faults += _twin_remarks(names)
     if packaged is _PLAIN and (root / CAMERA_FILE).exists():
         try:
             camera = parse_camera(read_text(root / CAMERA_FILE))
@@ -126,6 +129,13 @@ def _name_faults(names: list[str], layout: Layout, own_card: str) -> list[Findin
     where = "in it" if plain else f"matches {shown(layout.images)}"
     what_to_do = "name the folder that holds them" if plain else f"set layout.images in {own_card}"
     return [Finding("error", "empty", ROOT, f"no image ({IMAGE_KINDS}) {where}; {what_to_do}")]
+
+
+def _twin_remarks(names: list[str]) -> list[Finding]:
+    return [
+        Finding("warning", "twin", shown(name), f"is numbered like {shown(other)}; move masks, depth and so on away")
+        for name, other in twins(names).items()
+    ]
 
 
 def _spread_remarks(names: list[str]) -> list[Finding]:

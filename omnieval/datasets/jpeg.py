@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 START = b"\xff\xd8"
 _END = b"\xff\xd9"
-_START_OF_SCAN = b"\xff\xda"
+START_OF_SCAN = b"\xff\xda"
 _RESTART_INTERVAL = 0xDD
 _HUFFMAN_TABLES = 0xC4
+_PROGRESSIVE = 0xC2
 _SEGMENT = re.compile(rb"(?:\xff+[\x01\xd0-\xd7])*\xff+([^\x00\xff])(..)", re.DOTALL)
 """Marker and length; before them fill bytes, and markers that have no length."""
 _FOREIGN = re.compile(rb"\xff[^\x00\xff\xc4\xd0-\xd7\xd9\xda]")
@@ -29,13 +30,13 @@ _USUAL_LUMINANCE = bytes.fromhex("01020300041105122131410613516107227114328191a1
 """Begin of Table K.5, in which zeros are no code for the end of a block, so that no picture is coded as zeros."""
 
 
-def size_of(data: bytes) -> tuple[int, int]:
-    """Return (width, height) in pixels as the header says, zeros if it does not."""
+def about(data: bytes) -> tuple[int, int, str]:
+    """Return width and height in pixels and the colours as the header says, zeros and nothing if it does not."""
     try:
-        height, width, _, _ = simplejpeg.decode_jpeg_header(data)
+        height, width, colours, _ = simplejpeg.decode_jpeg_header(data)
     except ValueError:
-        return 0, 0
-    return width, height
+        return 0, 0, ""
+    return width, height, colours
 
 
 def is_cut_short(data: bytes) -> bool:
@@ -47,6 +48,20 @@ def is_cut_short(data: bytes) -> bool:
     return scan < 0 or data.rfind(_END, scan) < 0
 
 
+def with_end(data: bytes) -> bytes | None:
+    """Return a file that lacks its end with the end-of-image marker, None unless every block of its pixels is there.
+
+    The decoder notices blocks that are missing, but not scans of a progressive file, of which each makes the picture
+    finer.
+    """
+    mended = data.removesuffix(b"\xff") + _END
+    try:
+        decoded = pixels(mended, colour=False)
+    except ValueError:
+        return None
+    return None if decoded is None or not _all_scans(mended) else mended
+
+
 def is_overwritten(data: bytes) -> bool:
     """Tell whether the coded pixels of a whole file cannot be what an encoder wrote; most files are not decoded for it.
 
@@ -55,7 +70,7 @@ def is_overwritten(data: bytes) -> bool:
     segments, scan = _header(data)
     end = data.rfind(_END, scan)
     zeros = data.find(_ZEROS, scan, end) >= 0
-    if zeros and _USUAL_LUMINANCE in segments[_HUFFMAN_TABLES] and data.find(_START_OF_SCAN, scan, end) < 0:
+    if zeros and _USUAL_LUMINANCE in segments[_HUFFMAN_TABLES] and data.find(START_OF_SCAN, scan, end) < 0:
         return True
     restarts = _RESTART.findall(data, scan, end)
     counts_on = all(marker[1] == 0xD0 + number % 8 for number, marker in enumerate(restarts))
@@ -89,6 +104,24 @@ def pixels(data: bytes, *, colour: bool) -> NDArray[np.uint8] | None:
     return image if colour else image[..., 0]
 
 
+def _all_scans(data: bytes) -> bool:
+    """Tell whether the scans of a file make up all bits of all coefficients, as those of a file of one scan do."""
+    segments, first = _header(data)
+    frame = segments[_PROGRESSIVE]
+    if len(frame) < 6:
+        return True
+    wanted = {(component, k) for component in frame[6::3] for k in (0, 1, 63)}
+    position = first - len(segments[START_OF_SCAN[1]]) - 4
+    while position >= 0:
+        count = data[position + 4]
+        components = data[position + 5 : position + 5 + 2 * count : 2]
+        start, end, bits = data[position + 5 + 2 * count : position + 8 + 2 * count]
+        if bits & 15 == 0:
+            wanted -= {(component, k) for component in components for k in range(start, end + 1)}
+        position = data.find(START_OF_SCAN, position + 2)
+    return not wanted
+
+
 def _header(data: bytes) -> tuple[defaultdict[int, bytes], int]:
     """Return the segments up to the coded pixels, by their markers, and where the pixels begin: -1 if nowhere."""
     segments: defaultdict[int, bytes] = defaultdict(bytes)
@@ -96,6 +129,6 @@ def _header(data: bytes) -> tuple[defaultdict[int, bytes], int]:
     while segment := _SEGMENT.match(data, position):
         marker, position = segment[1][0], segment.start(2) + int.from_bytes(segment[2], "big")
         segments[marker] += data[segment.end() : position]
-        if marker == _START_OF_SCAN[1]:
+        if marker == START_OF_SCAN[1]:
             return segments, position
     return segments, -1

@@ -18,7 +18,12 @@ from omnieval.wording import shown
 if TYPE_CHECKING:
     from omnieval.datasets.cards import Card
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
+_UNREAD_SUFFIXES = (
+    *(".gif", ".heic", ".heif", ".avif", ".jp2", ".jxl", ".jpe", ".jfif", ".tga", ".svg", ".pbm", ".pnm", ".pfm"),
+    *(".exr", ".hdr", ".raw", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".insp"),
+)
+"""Of images that are not read."""
 IMAGE_KINDS = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
 """The same for messages."""
 FARTHEST_M = 1e6
@@ -56,6 +61,10 @@ class Scan:
     card_sequence: str | None = None
     own_card: Card | None = None
 
+    def place_of(self, path: Path) -> str:
+        """Return where an image lies, as findings name it."""
+        return place_of(path, self.root)
+
     def sequence(self) -> Sequence:
         """Return the sequence.
 
@@ -75,6 +84,11 @@ class Scan:
             card=self.card,
             findings=self.findings,
         )
+
+
+def place_of(path: Path, root: Path) -> str:
+    """Return where an image lies relative to the folder of its sequence; the whole path if it lies elsewhere."""
+    return shown((path.relative_to(root) if path.is_relative_to(root) else path).as_posix())
 
 
 def refusal(faults: tuple[Finding, ...], *, root: str, source: str) -> str:
@@ -157,6 +171,15 @@ def read_text(path: Path) -> str:
 def has_image_suffix(name: str) -> bool:
     """Tell whether `name` ends like an image file, in upper or lower case."""
     return name.casefold().endswith(IMAGE_SUFFIXES)
+
+
+def unread_remarks(names: Iterable[str]) -> list[Finding]:
+    """Return a finding for each image of a kind that is not read."""
+    return [
+        Finding("warning", "unread-image", shown(name), f"is not read; convert it to one of {IMAGE_KINDS}")
+        for name in names
+        if name.casefold().endswith(_UNREAD_SUFFIXES)
+    ]
 
 
 def pose_remarks(poses: Iterable[tuple[str, Pose | None]], *, largest_yaw: float) -> list[Finding]:

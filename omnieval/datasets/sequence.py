@@ -61,7 +61,8 @@ class Frame:
     """One capture: an image file and what its name and labels say about it.
 
     `file` is the name results are recorded under (relative to the sequence, ``/`` as separator), `time_ns`
-    nanoseconds since the epoch.
+    nanoseconds since the epoch. `bits` is how many of 16 bits a channel the images of the
+    sequence use, None where that is not known or they have fewer.
     """
 
     path: Path
@@ -69,6 +70,7 @@ class Frame:
     time_ns: int | None = None
     pose: Pose | None = None
     room: str | None = None
+    bits: int | None = None
 
     def read(self) -> bytes:
         """Return the bytes of the image file.

@@ -35,7 +35,7 @@ CREATE TABLE IF NOT EXISTS notes (key TEXT PRIMARY KEY, value TEXT, checksum BLO
 """
 
 
-def description_key(camera: dict[str, Any], descriptor: dict[str, Any]) -> str:
+def description_key(camera: dict[str, Any], descriptor: dict[str, Any], bits: int | None = None) -> str:
     """Return the key of everything besides the image that determines a description.
 
     Parameters
@@ -44,9 +44,12 @@ def description_key(camera: dict[str, Any], descriptor: dict[str, Any]) -> str:
         Settings of the camera model; the code that decodes and unwraps is added.
     descriptor
         The descriptor's identity, its code included.
+    bits
+        How many of 16 bits a channel the images use, None if they have fewer.
     """
     code = [module_digest(module) for module in _PANORAMA]
-    return digest_of({"camera": camera, "panorama": code, "descriptor": descriptor})
+    depth = {} if bits is None else {"bits": bits}
+    return digest_of({"camera": camera, "panorama": code, "descriptor": descriptor, **depth})
 
 
 def image_digest(data: bytes) -> str:

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 from omnieval.components import Component
 from omnieval.datasets.sequence import Frame
@@ -56,7 +57,7 @@ class Describer:
         self._descriptor: Descriptor = descriptor.make()
         self._cache = cache
         self._name = descriptor.name
-        self._key = description_key(camera.settings, descriptor.identity)
+        self._key = lru_cache(None)(lambda bits: description_key(camera.settings, descriptor.identity, bits))
 
     def describe_frames(self, frames: Iterable[Frame]) -> Generator[DescribedFrame, None, None]:
         """Describe frames in order, a few ahead of the caller.
@@ -70,7 +71,7 @@ class Describer:
             under_way: deque[tuple[Frame, Future[_New] | DescribedFrame]] = deque()
             try:
                 for frame in frames:
-                    known = self._cache.lookup(frame.path, self._key)
+                    known = self._cache.lookup(frame.path, self._key(frame.bits))
                     under_way.append(
                         (frame, DescribedFrame(known[1], known[0]) if known else pool.submit(self._describe, frame))
                     )
@@ -88,7 +89,7 @@ class Describer:
         except OSError:
             state = None  # whoever reads it says what is wrong
         data = frame.read()
-        panorama = self._camera.panorama(decode_grey(data, where), where=where)
+        panorama = self._camera.panorama(decode_grey(data, where, frame.bits), where=where)
         try:
             description = self._descriptor.describe(panorama)
         except OmnievalError:
@@ -104,5 +105,5 @@ class Describer:
             return described
         state, result = described.result()
         if state is not None:
-            self._cache.store(frame.path, state, self._key, result.digest, result.description)
+            self._cache.store(frame.path, state, self._key(frame.bits), result.digest, result.description)
         return result

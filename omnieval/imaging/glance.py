@@ -91,7 +91,7 @@ def _equal_sized(frames: Frames[Frame]) -> list[NDArray[np.uint8]]:
 
 
 def _grey(frame: Frame) -> NDArray[np.uint8]:
-    return decode_grey(frame.read(), str(frame.path))
+    return decode_grey(frame.read(), str(frame.path), frame.bits)
 
 
 def file_state(file: Path) -> str:

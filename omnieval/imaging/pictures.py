@@ -38,4 +38,4 @@ class Pictures:
 
     def _read(self, frame: int) -> NDArray[np.uint8]:
         taken = self._frames[frame]
-        return decode_colour(taken.read(), str(taken.path))
+        return decode_colour(taken.read(), str(taken.path), taken.bits)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
-from collections.abc import Iterable
+from collections.abc import Mapping
 from collections.abc import Sequence as Frames
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from omnieval.datasets.findings import Finding
+from omnieval.datasets.image_findings import bits_of, image_findings
 from omnieval.datasets.images import ImageReport, examine_image, inspect_image, usual_size, wrong_size
-from omnieval.datasets.sequence import Frame, Sequence
+from omnieval.datasets.scan import place_of
+from omnieval.datasets.sequence import Sequence
 from omnieval.errors import DatasetError
 from omnieval.imaging.glance import Notebook, files_key
 from omnieval.wording import shown
 
 _MOST_NAMED = 3
+_NOTE = "examined 1"
+"""What is remembered of images; the number is raised when it is another thing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,37 +31,51 @@ class BadImage:
     reason: str
 
 
-def refuse_bad(sequence: Sequence, notebook: Notebook | None = None) -> None:
-    """Refuse a sequence with an image that is missing, empty, truncated, no image, or of another size than most.
+def examined(sequence: Sequence, notebook: Notebook | None = None) -> Sequence:
+    """Return a sequence with what its images are: their findings, and the bits that they use.
 
-    Files are read and not decoded, which takes a small part of the time a replay does; those found sound are not even
-    read again as long as the notebook remembers them and they are not changed.
+    Files are read and mostly not decoded, which takes a small part of the time a replay does; they are not even read
+    again as long as the notebook remembers what was found, and they are not changed.
 
     Raises
     ------
     DatasetError
-        One line that names the first such image, counts the others, and says what to do.
+        If an image is missing, empty, truncated, no image, or of another size than most: one line that names the first
+        such image, counts the others, and says what to do.
     """
     try:
-        key = files_key("sound", sequence.frames)
+        key = files_key(_NOTE, sequence.frames)
     except DatasetError:
         key = None  # a file is not there, which is said below
-    if key is not None and notebook is not None and notebook.recall(key) is not None:
-        return
-    bad = _bad_images(sequence.frames, [examine_image(frame.path) for frame in sequence.frames])
-    if bad:
-        first, message = next(iter(bad.items()))
-        others = f" (and {len(bad) - 1} more bad images)" if len(bad) > 1 else ""
-        raise DatasetError(
-            f"image {shown(str(first))} {message}{others}; `omnieval dataset check {shown(sequence.source)}` lists "
-            "all that is wrong, `omnieval replay --skip-bad` leaves such images out"
-        )
-    if key is not None and notebook is not None:
-        notebook.remember(key, {"sound": True})
+    known = notebook.recall(key) if key is not None and notebook is not None else None
+    if known is None:
+        reports = {frame.path: examine_image(frame.path) for frame in sequence.frames}
+        findings = image_findings({place_of(path, sequence.root): report for path, report in reports.items()})
+        if bad := _bad_images(reports):
+            _refuse(bad, sequence)
+        known = {"findings": list(map(asdict, findings)), "bits": bits_of(reports.values())}
+        if key is not None and notebook is not None:
+            notebook.remember(key, known)
+    bits = known["bits"]
+    return replace(
+        sequence,
+        frames=tuple(replace(frame, bits=bits) for frame in sequence.frames) if bits else sequence.frames,
+        calibration=tuple(replace(frame, bits=bits) for frame in sequence.calibration),
+        findings=(*sequence.findings, *(Finding(**finding) for finding in known["findings"])),
+    )
+
+
+def _refuse(bad: dict[Path, str], sequence: Sequence) -> None:
+    first, message = next(iter(bad.items()))
+    others = f" (and {len(bad) - 1} more bad images)" if len(bad) > 1 else ""
+    raise DatasetError(
+        f"image {shown(str(first))} {message}{others}; `omnieval dataset check {shown(sequence.source)}` lists "
+        "all that is wrong, `omnieval replay --skip-bad` leaves such images out"
+    )
 
 
 def without_bad(sequence: Sequence) -> tuple[Sequence, tuple[BadImage, ...]]:
-    """Return a sequence without the images that `refuse_bad` refuses, and these images.
+    """Return a sequence without the images that `examined` refuses, and these images.
 
     Every image is decoded for it, so that a fault that only the decoder notices is found too. The camera is
     estimated from sound images only.
@@ -69,7 +87,7 @@ def without_bad(sequence: Sequence) -> tuple[Sequence, tuple[BadImage, ...]]:
     """
     asked = {frame.path: frame for frame in (*sequence.frames, *sequence.calibration)}
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        bad = _bad_images(asked.values(), pool.map(inspect_image, asked))
+        bad = _bad_images(dict(zip(asked, pool.map(inspect_image, asked), strict=True)))
     frames = tuple(frame for frame in sequence.frames if frame.path not in bad)
     if not frames:
         raise DatasetError(
@@ -78,7 +96,7 @@ def without_bad(sequence: Sequence) -> tuple[Sequence, tuple[BadImage, ...]]:
         )
     calibration = tuple(frame for frame in sequence.calibration if frame.path not in bad)
     left_out = tuple(BadImage(frame.file, bad[frame.path]) for frame in sequence.frames if frame.path in bad)
-    return dataclasses.replace(sequence, frames=frames, calibration=calibration), left_out
+    return replace(sequence, frames=frames, calibration=calibration), left_out
 
 
 def in_words(left_out: Frames[BadImage], count: int) -> str:
@@ -95,12 +113,11 @@ def in_words(left_out: Frames[BadImage], count: int) -> str:
     return f"{len(left_out)} of {count} images left out{': ' if listed else ''}{listed}"
 
 
-def _bad_images(frames: Iterable[Frame], reports: Iterable[ImageReport]) -> dict[Path, str]:
-    """Return what is wrong with each image that cannot be used, in the order of the frames."""
-    seen = [(frame.path, report) for frame, report in zip(frames, reports, strict=True)]
-    usual = usual_size(report for _, report in seen)
+def _bad_images(reports: Mapping[Path, ImageReport]) -> dict[Path, str]:
+    """Return what is wrong with each image that cannot be used, in their order."""
+    usual = usual_size(reports.values())
     bad = {}
-    for path, report in seen:
+    for path, report in reports.items():
         if report.size is None:
             bad[path] = report.message
         elif usual is not None and report.size != usual:

@@ -87,7 +87,7 @@ def test_a_look_at_the_header_says_what_decoding_says(tmp_path, suffix):
     [
         (b"", "empty-image"),
         (b"this is text", "not-an-image"),
-        (image_bytes()[:-2], "truncated-image"),
+        (image_bytes()[:-3], "truncated-image"),
         (image_bytes()[: len(image_bytes()) // 2], "truncated-image"),
         (b"\xff\xd8", "truncated-image"),
         (b"\xff\xd8\xff\xda\x00\x02\xff\xd9", "not-an-image"),

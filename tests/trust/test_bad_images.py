@@ -194,7 +194,9 @@ def test_images_that_show_nothing_are_replayed(draw, descriptor, command, tmp_pa
         cv2.imwrite(str(data / f"{number}.png"), draw(number))
     arguments = ["--descriptor", descriptor, *SMALL, "--out", "run"]
     outcome = command("replay", data, *arguments)
-    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.code == 0
+    if draw(0).std() == 0:
+        one_line(outcome.err, "0.png: shows nothing", "(and 39 more) [no-contrast]")
     run = open_run(tmp_path / "cwd" / "run")
     assert (run.status, len(run.steps)) == ("complete", 40)
     assert all(value is None or np.isfinite(value) for value in run.steps["prominence"])
