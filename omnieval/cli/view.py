@@ -16,17 +16,28 @@ _KEPT = 8
 
 def view(
     runs: Annotated[list[Path], typer.Argument(help="Run folders, or recordings (.rrd) of omnieval.", metavar="RUN")],
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve them to a browser on this machine, until Ctrl-C; needs no display.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option(min=1, max=65534, help="With --web: port of the page; the next one is used too.", metavar="N")
+    ] = 9090,
 ) -> None:
     """Open the recordings of runs in one Rerun viewer; all have the same layout.
 
     Two runs over the same images are also shown side by side at the same step, in a recording of its own that is made
     from their tables and kept in the cache folder.
 
+    On a machine without a display, --web prints the address of a page that only this machine can reach, and the ssh
+    command that brings it to yours.
+
     Examples:
 
       omnieval view runs/synthetic-cloudy-hog
 
       omnieval view runs/a runs/b
+
+      omnieval view --web runs/a
     """
     from omnieval.cli.console import note
     from omnieval.recording.viewer import check_recording, open_viewer
@@ -40,7 +51,29 @@ def view(
         recordings.append(both)
     if len(recordings) > 1:
         note(f"{len(recordings)} recordings: switch with Ctrl+Alt+Up and Down, or in the left panel (Ctrl+Shift+B)")
-    open_viewer(recordings)
+    if web:
+        _serve(recordings, port)
+    else:
+        open_viewer(recordings)
+
+
+def _serve(recordings: list[Path], port: int) -> None:
+    import signal
+    import socket
+    from contextlib import suppress
+
+    from omnieval.cli.console import note
+    from omnieval.recording.viewer import web_viewer
+
+    for name in ("SIGTERM", "SIGHUP"):  # or the server would go on without us, also when ssh hangs up
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)
+    with suppress(KeyboardInterrupt), web_viewer(recordings, port) as served:
+        print(served.url, flush=True)
+        forwarded = " ".join(f"-L {one}:127.0.0.1:{one}" for one in (served.page_port, served.data_port))
+        note(f"from another machine: ssh {forwarded} {socket.gethostname()}, then the same address there")
+        note("Ctrl-C ends it")
+        served.wait()
 
 
 def _is_recording(path: Path) -> bool:

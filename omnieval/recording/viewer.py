@@ -10,10 +10,12 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
@@ -26,6 +28,7 @@ _START_SECONDS = 20.0
 _SETTLE_SECONDS = 2.0
 _POLL_SECONDS = 0.1
 _DEFAULT_PORT = 9876
+DEFAULT_WEB_PORT = 9090
 
 _HTTP2_GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
 """The connection preface of HTTP/2, on which gRPC runs, with an empty SETTINGS frame (RFC 9113, 3.4)."""
@@ -33,6 +36,8 @@ _SETTINGS_FRAME = 4
 
 _DISPLAYS = ("WAYLAND_DISPLAY", "DISPLAY")
 """What says where windows go, outside Windows and macOS."""
+
+_INSTEAD = "a browser needs neither display nor driver here: omnieval view --web RUN"
 
 _LAUNCHED: list[subprocess.Popen[bytes]] = []
 """Viewers go on without us; Python would complain of a process that is forgotten while it runs."""
@@ -53,6 +58,76 @@ def open_viewer(paths: Sequence[Path]) -> None:
     with tempfile.TemporaryFile() as output:
         viewer = _launch(["--port", "auto", *(str(path.resolve()) for path in paths)], output)
         _let_fail(viewer, output, seconds=_SETTLE_SECONDS)
+
+
+@contextmanager
+def web_viewer(paths: Sequence[Path], port: int = DEFAULT_WEB_PORT) -> Iterator[WebViewer]:
+    """Serve recordings to browsers on this machine only, until the block ends.
+
+    Parameters
+    ----------
+    paths
+        The recordings.
+    port
+        Where the page is; the recordings are behind the next one.
+
+    Raises
+    ------
+    ResultError
+        If a file holds no recording of omnieval, or a port is taken.
+    OmnievalError
+        If the viewer cannot start.
+    """
+    for path in paths:
+        check_recording(path)
+    served = WebViewer(port, port + 1)
+    for one in (served.page_port, served.data_port):
+        _refuse_taken(one)
+    serve = ["--serve-web", "--web-viewer-port", str(port), "--port", str(served.data_port)]
+    # What does not fit is forgotten from its beginning on; a quarter of the memory holds what a desktop viewer would.
+    memory = ["--server-memory-limit", "75%"]
+    with tempfile.TemporaryFile() as output:
+        viewer = _launch([*serve, *memory, *(str(path.resolve()) for path in paths)], output)
+        try:
+            deadline = time.monotonic() + _START_SECONDS
+            while not all(_answers(_LOOPBACK, one) for one in (served.page_port, served.data_port)):
+                _let_fail(viewer, output, seconds=_POLL_SECONDS)
+                if time.monotonic() > deadline:
+                    raise OmnievalError(f"the viewer did not answer within {_START_SECONDS:g} s; try it with: rerun")
+            yield replace(served, process=viewer)
+        finally:
+            viewer.terminate()
+            viewer.wait()
+
+
+@dataclass(frozen=True)
+class WebViewer:
+    """A viewer for browsers: the ports of its page and of its recordings, and the process that serves them."""
+
+    page_port: int
+    data_port: int
+    process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def url(self) -> str:
+        """The page that shows the recordings."""
+        data = quote(f"rerun+http://{_LOOPBACK}:{self.data_port}/proxy", safe="")
+        return f"http://{_LOOPBACK}:{self.page_port}/?url={data}"
+
+    def wait(self) -> None:
+        """Wait until it ends."""
+        if self.process is not None:
+            self.process.wait()
+
+
+def _refuse_taken(port: int) -> None:
+    with socket.socket() as probe:
+        if sys.platform != "win32":  # a port that was used a moment ago is free
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((_LOOPBACK, port))
+        except (OSError, OverflowError) as error:
+            raise ResultError(f"port {port} is taken or not allowed; choose another with --port") from error
 
 
 def start_viewer() -> str:
@@ -141,7 +216,7 @@ def _launch(arguments: Sequence[str], output: IO[bytes]) -> subprocess.Popen[byt
 
 
 def _let_fail(viewer: subprocess.Popen[bytes], output: IO[bytes], *, seconds: float) -> None:
-    """Give the viewer time to fail; raise OmnievalError with its last words if it does."""
+    """Give the viewer time to fail; raise OmnievalError if it does, caused by its last words."""
     try:
         code = viewer.wait(seconds)
     except subprocess.TimeoutExpired:
@@ -150,9 +225,16 @@ def _let_fail(viewer: subprocess.Popen[bytes], output: IO[bytes], *, seconds: fl
         output.seek(0)
         said = output.read().decode(errors="replace").split("\n")
         last = next((line.strip() for line in reversed(said) if line.strip()), f"exit code {code}")
-        if sys.platform == "linux" and not any(map(os.environ.get, _DISPLAYS)):
-            last = f"there is no display ({' and '.join(_DISPLAYS)} are not set)"
-        raise OmnievalError(f"the viewer cannot start: {last}; it needs a display and a graphics driver")
+        raise OmnievalError(f"the viewer cannot start: {_why_no_window(code)}; {_INSTEAD}") from RuntimeError(last)
+
+
+def _why_no_window(code: int) -> str:
+    """Return why the viewer ended early, as far as one can tell; its own words are of places in its source code."""
+    known = [f"{name} is {value}" for name in _DISPLAYS if (value := os.environ.get(name))]
+    if sys.platform == "linux" and not known:
+        return f"there is no display ({' and '.join(_DISPLAYS)} are not set)"
+    place = f", {', '.join(known)}" if known else ""
+    return f"it needs a display and a graphics driver (exit code {code}{place})"
 
 
 def _viewer_binary() -> Path:

@@ -1,5 +1,8 @@
 """``omnieval view`` opens one run or several in one viewer; what starts the viewer is put aside here."""
 
+import contextlib
+import signal
+import socket
 from pathlib import Path
 
 import pytest
@@ -67,6 +70,23 @@ def test_old_pairs_make_room(recorded, opened, monkeypatch, tmp_path):
 def test_recordings_are_opened_as_well(recorded, opened):
     assert in_process("view", "a/replay.rrd", "c", cwd=recorded).returncode == 0
     assert opened == [Path("a/replay.rrd"), Path("c/replay.rrd")]
+
+
+def test_on_request_they_are_served_to_a_browser(recorded, opened, monkeypatch):
+    served = []
+
+    @contextlib.contextmanager
+    def web_viewer(paths, port):
+        served.extend(paths)
+        yield viewer.WebViewer(port, port + 1)
+
+    monkeypatch.setattr(viewer, "web_viewer", web_viewer)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    result = in_process("view", "--web", "--port", 9700, "a", cwd=recorded)
+    assert result.returncode == 0
+    assert result.stdout == "http://127.0.0.1:9700/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9701%2Fproxy\n"
+    assert f"ssh -L 9700:127.0.0.1:9700 -L 9701:127.0.0.1:9701 {socket.gethostname()}" in result.stderr
+    assert (opened, served) == ([], [Path("a/replay.rrd")])
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ NOT_RUN = {
     "python3 -m venv .venv": "makes a virtual environment from the network; CI runs it",
     "omnieval replay --spawn": "opens a window; tests/recording/test_view.py has it",
     "omnieval replay --connect": "needs a viewer that listens; tests/recording/test_view.py has it",
+    "omnieval view --web": "serves until Ctrl-C; tests/cli/test_view.py has it",
     "omnieval dataset fetch": "needs the network; tests/datasets/test_fetch.py has it",
     "omnieval doctor --json": "takes seconds; tests/cli/test_doctor.py has it",
     "from omnieval.recording.notebook import show": "needs a notebook; tests/recording/test_notebook.py has it",

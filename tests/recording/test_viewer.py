@@ -15,7 +15,7 @@ from omnieval.errors import OmnievalError, ResultError
 from omnieval.recording import viewer
 from omnieval.recording.digest import digest
 from omnieval.recording.recorder import Recorder
-from omnieval.recording.viewer import check_recording, check_viewer, open_viewer, start_viewer
+from omnieval.recording.viewer import check_recording, check_viewer, open_viewer, start_viewer, web_viewer
 from tests.recording.replays import image, info, steps
 
 needs_scripts = pytest.mark.skipif(sys.platform == "win32", reason="stands in for the viewer with a script")
@@ -96,10 +96,13 @@ def test_the_viewer_is_given_the_recordings_and_the_loopback_address(monkeypatch
 def test_a_viewer_that_cannot_start_says_why(monkeypatch, tmp_path, recording):
     stand_in(monkeypatch, tmp_path, "print('no driver'); print(); sys.exit(3)")
     monkeypatch.setenv("DISPLAY", ":0")
-    with pytest.raises(OmnievalError, match="cannot start: no driver"):
-        open_viewer([recording])
-    with pytest.raises(OmnievalError, match="cannot start: no driver"):
-        start_viewer()
+    for start in (lambda: open_viewer([recording]), start_viewer):
+        with pytest.raises(
+            OmnievalError, match=r"a graphics driver \(exit code 3, DISPLAY is :0\); .*omnieval view --web"
+        ) as no:
+            start()
+        assert "no driver" not in str(no.value)
+        assert "no driver" in str(no.value.__cause__)  # for --debug
 
 
 @needs_scripts
@@ -111,6 +114,7 @@ def test_a_viewer_without_a_display_says_so_and_names_no_source_file(monkeypatch
     with pytest.raises(OmnievalError, match="cannot start: there is no display") as error:
         open_viewer([recording])
     assert "winit" not in str(error.value)
+    assert "omnieval view --web RUN" in str(error.value)
 
 
 def test_a_viewer_that_is_not_there_says_so(monkeypatch, tmp_path, recording):
@@ -131,6 +135,39 @@ def test_a_live_viewer_is_waited_for_and_its_address_returned(monkeypatch, tmp_p
     assert url.startswith("rerun+http://127.0.0.1:")
     assert url.endswith("/proxy")
     assert viewer._LAUNCHED[-1].wait(30) == 0
+
+
+def two_free_ports():
+    """Return the first of two ports in a row that nobody uses."""
+    while True:
+        with socket.create_server(("127.0.0.1", 0)) as first, contextlib.suppress(OSError):
+            port: int = first.getsockname()[1]
+            with socket.create_server(("127.0.0.1", port + 1)):
+                return port
+
+
+@needs_scripts
+def test_recordings_are_served_to_browsers_on_this_machine_while_the_block_lasts(monkeypatch, tmp_path, recording):
+    ports = "[int(sys.argv[sys.argv.index(name) + 1]) for name in ('--web-viewer-port', '--port')]"
+    serve = f"import signal; servers = [socket.create_server((sys.argv[2], one)) for one in {ports}]; signal.pause()"
+    stand_in(monkeypatch, tmp_path, f"assert sys.argv[-1] == {str(recording)!r}; {serve}")
+    port = two_free_ports()
+    with web_viewer([recording], port) as served:
+        for one in (port, port + 1):
+            socket.create_connection(("127.0.0.1", one)).close()
+        assert served.url == f"http://127.0.0.1:{port}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{port + 1}%2Fproxy"
+    assert viewer._LAUNCHED[-1].returncode == -signal.SIGTERM
+
+
+def test_a_port_that_is_taken_is_named(recording):
+    port = two_free_ports()
+    for taken in (port, port + 1):
+        with (
+            socket.create_server(("127.0.0.1", taken)),
+            pytest.raises(ResultError, match=f"port {taken} is taken .*--port"),
+            web_viewer([recording], port),
+        ):
+            raise AssertionError
 
 
 @contextlib.contextmanager
