@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from omnieval.descriptors.hog import Hog, HogSettings
     from omnieval.explain.refused import refused_closures
     from omnieval.explain.run import RunExplainer
+    from omnieval.localization.run import Localization, localize, open_localization
     from omnieval.loop import describe_archive, replay
     from omnieval.mapping.interface import BranchingMapper, Column, Gate, Mapper
     from omnieval.mapping.leader import Leader, LeaderSettings
+    from omnieval.mapping.map import TopologicalMap
     from omnieval.mapping.roman2020.mapper import Roman2020
     from omnieval.mapping.roman2020.settings import Roman2020Settings
     from omnieval.mapping.step import (
@@ -60,6 +62,9 @@ _HOMES = {
     "HogSettings": "descriptors.hog",
     "refused_closures": "explain.refused",
     "RunExplainer": "explain.run",
+    "Localization": "localization.run",
+    "localize": "localization.run",
+    "open_localization": "localization.run",
     "describe_archive": "loop",
     "replay": "loop",
     "BranchingMapper": "mapping.interface",
@@ -68,6 +73,7 @@ _HOMES = {
     "Mapper": "mapping.interface",
     "Leader": "mapping.leader",
     "LeaderSettings": "mapping.leader",
+    "TopologicalMap": "mapping.map",
     "Roman2020": "mapping.roman2020.mapper",
     "Roman2020Settings": "mapping.roman2020.settings",
     "Comparison": "mapping.step",
@@ -105,6 +111,7 @@ __all__ = [
     "HogSettings",
     "Leader",
     "LeaderSettings",
+    "Localization",
     "Mapper",
     "Match",
     "NodeEvent",
@@ -116,6 +123,7 @@ __all__ = [
     "Run",
     "RunExplainer",
     "Step",
+    "TopologicalMap",
     "ablate",
     "baseline",
     "check",
@@ -124,6 +132,8 @@ __all__ = [
     "describe_archive",
     "load",
     "load_archive",
+    "localize",
+    "open_localization",
     "open_run",
     "refused_closures",
     "replay",

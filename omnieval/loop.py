@@ -10,7 +10,8 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,7 @@ from omnieval.material import ARCHIVE, Cut, Material, Source, opened
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.recording import RecordingOptions
 from omnieval.results.atomic import replacing
+from omnieval.results.map_file import MapWriter
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
 from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder
 from omnieval.results.tables import nodes_frame, step_row, transitions_frame, with_final_map
@@ -56,6 +58,7 @@ def replay(
     overwrite: bool = False,
     skip_bad: bool = False,
     recording: RecordingOptions | bool | None = None,
+    save_map: bool = True,
     progress: Progress | None = None,
     **parameters: Any,
 ) -> Run:
@@ -83,6 +86,8 @@ def replay(
         refusing the sequence.
     recording
         Whether, or how, to record for the Rerun viewer.
+    save_map
+        Whether to keep the map with the descriptions of its images, in which others can be localised.
     progress
         Called with (frames done, frames in all).
     **parameters
@@ -102,7 +107,15 @@ def replay(
     with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
         name = run_name(material.name, material.descriptor, resolved.mapper)
         folder = Path(out) if out is not None else free_folder(RUNS, name)
-        return run(material, resolved, folder, overwrite=overwrite, recording=options, progress=progress)
+        return run(
+            material,
+            resolved,
+            folder,
+            overwrite=overwrite,
+            recording=options,
+            save_map=save_map,
+            progress=progress,
+        )
 
 
 def run_name(sequence: str, descriptor: Component, mapper: Component) -> str:
@@ -173,6 +186,7 @@ def run(
     *,
     overwrite: bool = False,
     recording: RecordingOptions | None = None,
+    save_map: bool = True,
     progress: Progress | None = None,
 ) -> Run:
     """Map the material, step by step, into a run folder; see `replay`."""
@@ -188,7 +202,8 @@ def run(
                 from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
 
                 sink = RecordingSink(writer.path / RECORDING, material, method, recording)
-            return _run(material, config, mapper, writer, trace, sink, progress)
+            with MapWriter(writer.path, len(material.frames)) if save_map else nullcontext() as atlas:
+                return _run(material, config, mapper, writer, trace, atlas, sink, progress)
         finally:
             if sink:
                 sink.close()
@@ -236,6 +251,7 @@ def _run(
     mapper: Mapper,
     writer: RunWriter,
     trace: _Trace,
+    atlas: MapWriter | None,
     sink: RecordingSink | None,
     progress: Progress | None,
 ) -> Run:
@@ -246,6 +262,8 @@ def _run(
         partition.apply(step)
         trace.add(described, step, milliseconds)
         writer.step(step_row(step, frame, partition, milliseconds))
+        if atlas:
+            atlas.add(described.description)
         if sink:
             sink.step(step, frame, milliseconds)
         if progress:
@@ -267,7 +285,10 @@ def _run(
         "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
         "transitions": transitions_frame(final),
     }
-    run = writer.finish(tables, _outcome(material, config.mapper, trace, evaluation, seconds))
+    outcome = _outcome(material, config.mapper, trace, evaluation, seconds)
+    if atlas:
+        atlas.finish(final, steps, tables["nodes"], _map_about(material, config, outcome["identity"]))
+    run = writer.finish(tables, outcome)
     if sink is None:
         return run
     # Only now, when nothing that happens to the view can touch the record any more.
@@ -298,6 +319,20 @@ def _manifest(material: Material, config: Config, method: Method) -> dict[str, A
         "imaging": config.imaging.model_dump(mode="json"),
         "versions": versions(),
         "code": code_digest(),
+    }
+
+
+def _map_about(material: Material, config: Config, identity: str) -> dict[str, Any]:
+    """Return what a map says of what made it."""
+    return {
+        "sequence": material.name,
+        "source": material.source,
+        "cut": asdict(material.cut),
+        "run": identity,
+        "descriptor": material.descriptor.about,
+        "mapper": config.mapper.about,
+        "imaging": config.imaging.model_dump(mode="json"),
+        "camera": material.about["camera"],
     }
 
 

@@ -22,6 +22,7 @@ from omnieval.cli import (
     diff,
     doctor,
     explain,
+    localize,
     map_descriptors,
     parameters,
     render,
@@ -52,6 +53,7 @@ app.command("map", short_help="Map descriptors computed anywhere.")(map_descript
 app.command("ablate", short_help="Sweep parameters: one row a run.")(ablate.ablate)
 app.command("baseline", short_help="Cluster by other methods, same metrics.")(baseline.baseline)
 app.command("check", short_help="Guard results against a reference.")(check.check)
+app.command("localize", short_help="Find other images in a run's map.")(localize.localize)
 app.command("report", short_help="Draw figures and tables: one page.")(report.report)
 app.command("describe", short_help="Write descriptors as a NumPy archive.")(describe.describe)
 app.command("render", short_help="Rebuild a run's recording.")(render.render)

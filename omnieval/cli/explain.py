@@ -9,6 +9,8 @@ import typer
 from omnieval.cli import options
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from omnieval.results.run_folder import Run
 
 
@@ -34,6 +36,10 @@ def explain(
         ),
     ] = 20,
     limit: Annotated[int, typer.Option(min=1, help="With --refused: list at most this many.", metavar="N")] = 20,
+    sequence: Annotated[
+        str | None,
+        typer.Option("--sequence", help="Of a localisation of several sequences: which of them.", metavar="NAME"),
+    ] = None,
     json: options.Json = False,
 ) -> None:
     """Explain a decision: what was compared, what came of it, and what would have turned it.
@@ -46,17 +52,37 @@ def explain(
       omnieval explain runs/synthetic-cloudy-hog 412
 
       omnieval explain runs/synthetic-cloudy-hog --refused
+
+      omnieval explain runs/synthetic-night-in-synthetic-cloudy-hog 300
     """
     from omnieval.errors import ConfigError
+    from omnieval.results.manifest import kind_of
     from omnieval.results.run_folder import open_run
 
     if refused == (step is not None):
         raise ConfigError("explain a STEP (a number or an image file), or list steps worth it with --refused")
+    if kind_of(run) == "localization" and step is not None:
+        _print_answer(run, step, sequence, json=json)
+        return
     opened = open_run(run)
     if step is None:
         _print_refused(opened, within, ago, limit, json=json)
     else:
         _print_step(opened, step, json=json)
+
+
+def _print_answer(folder: Path, query: str, sequence: str | None, *, json: bool) -> None:
+    from omnieval.cli.console import print_fields, print_json
+    from omnieval.localization.run import open_localization
+    from omnieval.localization.words import answer_lines, find_query
+
+    localization = open_localization(folder)
+    rows = find_query(localization, query, sequence)
+    if json:
+        print_json({"schema_version": 1, "localization": str(folder), "query": rows[0]["query"], "answers": rows})
+        return
+    print(f"query {rows[0]['query']} of {folder}, {rows[0]['sequence']} in {localization.manifest['map']['sequence']}")
+    print_fields(answer_lines(localization, rows))
 
 
 def _print_step(run: Run, step: str, *, json: bool) -> None:

@@ -84,6 +84,10 @@ SkipBad = Annotated[
     typer.Option("--skip-bad", help="Leave out images that are broken or of another size than most, and count them."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+NoMap = Annotated[
+    bool,
+    typer.Option("--no-map", help="Do not keep the map for localisation (map.npz, about 17 kB an image)."),
+]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave images out of the recording.")]
 Every = Annotated[
     int, typer.Option("--every", min=1, help="Record images and curves at every N-th step only.", metavar="N")

@@ -36,6 +36,7 @@ def replay(
     connect: Annotated[
         str | None, typer.Option(help="Show the replay live in a running Rerun viewer.", metavar="URL")
     ] = None,
+    no_map: options.NoMap = False,
     json: options.Json = False,
 ) -> None:
     """Replay a mapper over a sequence and keep the evidence of every decision.
@@ -74,6 +75,7 @@ def replay(
             overwrite=overwrite,
             skip_bad=skip_bad,
             recording=recording,
+            save_map=not no_map,
             progress=report,
         )
     print_run(run, json=json)

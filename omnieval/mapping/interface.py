@@ -177,6 +177,15 @@ class Mapper(ABC):
     def finish(self) -> FinalMap:
         """Return the partition of all images so far. The map itself stays as it is: `step` may go on afterwards."""
 
+    def locate(self, description: Description) -> Step | None:
+        """Say where an image is on the map, by the mapper's own levels; None if it has none.
+
+        The map stays as it is, but for the images compared: no `step` can follow. The step that is returned has the
+        node and match that were found and no events; a refused one has no node. Its number means nothing.
+        """
+        del description
+        return None
+
     def expect(self, descriptions: Sequence[Description]) -> None:
         """Prepare for the descriptions that come next; a hint, which may save time and changes no step."""
         del descriptions
@@ -230,6 +239,14 @@ class BranchingMapper(Mapper):
             If the description's arrays are not finite or not shaped like the earlier ones.
         """
         return self.decide(self.images.append(description))
+
+    def locate(self, description: Description) -> Step | None:
+        """See `Mapper.locate`."""
+        return self.look(self.images.append(description)) if type(self).look is not BranchingMapper.look else None
+
+    def look(self, frame: int) -> Step:
+        """Say where an image, which is in the memory already, is on the map, which stays as it is; see `locate`."""
+        raise NotImplementedError(f"{self.name} has no levels by which image {frame} could be found")
 
     def expect(self, descriptions: Sequence[Description]) -> None:
         """See `Mapper.expect`."""

@@ -6,6 +6,7 @@ how far successive images have been from each other so far (running median), so 
 
 from __future__ import annotations
 
+import dataclasses
 from bisect import insort
 from collections.abc import Mapping
 
@@ -55,27 +56,37 @@ class Leader(BranchingMapper):
 
     def decide(self, frame: int) -> Step:
         """See `BranchingMapper.decide`."""
-        position, journal = self.images.position(frame), Journal()
+        position = self.images.position(frame)
         if frame == 0:
-            return self._found(frame, "first", Role.FOUNDING, journal)
+            return self._found(Step(frame, "first", Role.FOUNDING))
         insort(self._hops, float(np.linalg.norm(position - self.images.position(frame - 1))))
+        step = self.look(frame)
+        if step.node is None:
+            return self._found(step)
+        members = self._members[step.node]
+        self._members[step.node] = (*members, frame)
+        self._means = self._means.copy()
+        self._means[step.node - 1] += (position - self._means[step.node - 1]) / (len(members) + 1)
+        return step
+
+    def look(self, frame: int) -> Step:
+        """See `BranchingMapper.look`."""
+        position, journal = self.images.position(frame), Journal()
         middle = len(self._hops) // 2
-        median = (self._hops[middle] + self._hops[~middle]) / 2
+        median = (self._hops[middle] + self._hops[~middle]) / 2 if self._hops else 0.0
         ratios = np.linalg.norm(self._means - position, axis=1) / (median or 1.0)
         nearest, radius = int(ratios.argmin()), self.settings.radius
         ratio, joins = float(ratios[nearest]), bool(ratios[nearest] <= radius)
         between = (ratio, np.inf) if joins else (-np.inf, ratio)
         journal.compare("distance", ratios.tolist(), radius, of=[*self._members], parameter="radius", between=between)
+        comparisons = tuple(journal.comparisons)
         if not joins:
-            return self._found(frame, "too far", Role.REFUSED, journal)
+            return Step(frame, "too far", Role.REFUSED, comparisons=comparisons)
         members = np.array(self._members[nearest + 1])
         compared = self.images.compare(frame, members)
         best = int(compared.position.argmin())
-        self._members[nearest + 1] += (frame,)
-        self._means = self._means.copy()
-        self._means[nearest] += (position - self._means[nearest]) / (len(members) + 1)
         match = Match(int(members[best]), nearest + 1, int(compared.shifts[best]))
-        return Step(frame, "near", Role.JOINED, nearest + 1, match, comparisons=tuple(journal.comparisons))
+        return Step(frame, "near", Role.JOINED, nearest + 1, match, comparisons=comparisons)
 
     def finish(self, placed: Mapping[int, tuple[int, Placement]] | None = None) -> FinalMap:
         """See `Mapper.finish`."""
@@ -87,9 +98,9 @@ class Leader(BranchingMapper):
         nodes = tuple(self._members)
         return FinalMap(labels, tuple(placements), nodes, frozenset(nodes), self._means.copy())
 
-    def _found(self, frame: int, verdict: str, role: Role, journal: Journal) -> Step:
+    def _found(self, step: Step) -> Step:
         node = len(self._members) + 1
-        self._members[node] = (frame,)
-        self._means = np.vstack([*self._means, self.images.position(frame)])
-        events = (NodeEvent(EventKind.CREATED, node, frames=(frame,)), NodeEvent(EventKind.ACTIVATED, node))
-        return Step(frame, verdict, role, node, events=events, comparisons=tuple(journal.comparisons))
+        self._members[node] = (step.frame,)
+        self._means = np.vstack([*self._means, self.images.position(step.frame)])
+        events = (NodeEvent(EventKind.CREATED, node, frames=(step.frame,)), NodeEvent(EventKind.ACTIVATED, node))
+        return dataclasses.replace(step, node=node, events=events)

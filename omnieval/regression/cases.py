@@ -207,6 +207,7 @@ def replayed(source: str, selection: Selection, progress: Progress | None = None
             **dataclasses.asdict(selection.cut),
             skip_bad=selection.skip_bad,
             out=Path(temporary) / "run",
+            save_map=False,
             progress=progress,
         )
 

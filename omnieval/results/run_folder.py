@@ -4,6 +4,7 @@
     steps.parquet         one row a frame: every decision and its evidence
     nodes.parquet         one row a node
     transitions.parquet   edges of the topological map
+    map.npz, map.json     the map with the descriptions of its images (`results.map_file`)
     replay.rrd            the recording for the Rerun viewer
     parts/                steps so far, while the run is under way
 
@@ -28,10 +29,12 @@ import polars as pl
 from omnieval.config import Config
 from omnieval.errors import ResultError
 from omnieval.mapping.interface import Method
+from omnieval.mapping.map import TopologicalMap
 from omnieval.results.atomic import interrupts_wait, write_table
 from omnieval.results.content import content_hash, folder_hash
 from omnieval.results.folder import ResultFolder, reason_of
 from omnieval.results.manifest import expanded, read_manifest, status_of
+from omnieval.results.map_file import MAP_ABOUT, MAP_FILE, load_map
 from omnieval.results.schemas import steps_schema
 from omnieval.results.tables import steps_frame
 from omnieval.wording import counted, safe_name
@@ -44,7 +47,14 @@ _PARTS = "parts"
 _PART = "steps-*.parquet"
 _PART_ROWS = 250
 _PART_SECONDS = 2.0
-FILES = (RECORDING, PARTIAL_RECORDING, *(f"{table}.parquet" for table in TABLES), f"{_PARTS}/{_PART}")
+FILES = (
+    RECORDING,
+    PARTIAL_RECORDING,
+    MAP_FILE,
+    MAP_ABOUT,
+    *(f"{table}.parquet" for table in TABLES),
+    f"{_PARTS}/{_PART}",
+)
 """All that a run writes besides ``run.json``."""
 
 
@@ -113,6 +123,17 @@ class Run:
     def transitions(self) -> pl.DataFrame:
         """One row an edge of the topological map (`schemas.TRANSITIONS`)."""
         return self._table("transitions")
+
+    @property
+    def map(self) -> TopologicalMap:
+        """The map with the descriptions of its images.
+
+        Raises
+        ------
+        ResultError
+            If the run has none, or it is damaged.
+        """
+        return load_map(self.folder)
 
     @property
     def metrics(self) -> dict[str, float | int | None]:

@@ -15,7 +15,8 @@ from omnieval.metrics.evaluation import COUNTS, METRICS
 SCHEMA_VERSION = 3
 
 
-def _schema(columns: Mapping[str, pl.DataType | type[pl.DataType]]) -> pl.Schema:
+def table_schema(columns: Mapping[str, pl.DataType | type[pl.DataType]]) -> pl.Schema:
+    """Return the columns of a table, by name."""
     return pl.Schema(columns)
 
 
@@ -45,7 +46,7 @@ COMPARISON = pl.Struct(
 )
 """What was compared (`mapping.step.Comparison`)."""
 
-STEPS = _schema(
+STEPS = table_schema(
     {
         "frame": pl.Int32,
         "file": pl.String,
@@ -82,10 +83,10 @@ def steps_schema(columns: Iterable[Column]) -> pl.Schema:
     """Return the columns of the steps of a mapper that declares some of its own."""
     own = {column.name: _COLUMN_TYPES[column.type] for column in columns}
     common = {name: kind for name, kind in STEPS.items() if name != "milliseconds"}
-    return _schema({**common, **own, "milliseconds": STEPS["milliseconds"]})
+    return table_schema({**common, **own, "milliseconds": STEPS["milliseconds"]})
 
 
-NODES = _schema(
+NODES = table_schema(
     {
         "id": pl.Int32,
         "images": pl.Int32,
@@ -106,12 +107,12 @@ NODES = _schema(
 box of those of its images that have a position (metres), `representative` the mean position descriptor,
 `representative_frame` the image nearest to it; null for nodes that merged into another."""
 
-TRANSITIONS = _schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
+TRANSITIONS = table_schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
 """The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""
 
 _METRICS: dict[str, type[pl.DataType]] = {name: pl.Int32 if name in COUNTS else pl.Float64 for name in METRICS}
 
-PARTITIONS = _schema(
+PARTITIONS = table_schema(
     {
         "dataset": pl.String,
         "descriptor": pl.String,
@@ -146,7 +147,7 @@ def ablation_schema(parameters: Mapping[str, str]) -> pl.Schema:
     among them. With `exact`, the name of a parameter, a row holds for all its values from `exact_from` up to below
     `exact_to` (the last row of an interval up to and with it); else these are null.
     """
-    return _schema(
+    return table_schema(
         {
             "job": pl.Int32,
             "dataset": pl.String,

@@ -48,7 +48,7 @@ def step_row(step: Step, frame: Frame, partition: Partition, milliseconds: float
         "best_frame": match.frame if match else None,
         "best_node": match.node if match else None,
         "shift": match.shift if match else None,
-        "comparisons": [_comparison_row(one) for one in step.comparisons],
+        "comparisons": [comparison_row(one) for one in step.comparisons],
         "event": [_event_row(event) for event in step.events],
         "active": active,
         "pending": partition.count - active,
@@ -172,7 +172,7 @@ def transitions_frame(final: FinalMap) -> pl.DataFrame:
     return pl.DataFrame([(a, b, count) for (a, b), count in edges], schema=TRANSITIONS, orient="row")
 
 
-def _comparison_row(one: Comparison) -> dict[str, Any]:
+def comparison_row(one: Comparison) -> dict[str, Any]:
     """Return a comparison as a row; a mapper may have compared whole numbers."""
     return {
         "gate": one.gate,

@@ -154,8 +154,33 @@ class Roman2020(BranchingMapper):
 
     # -- looking at an image; nothing here changes the map ------------------------------------------------
 
+    def look(self, frame: int) -> Step:
+        """Find an image on the map by its two levels: node gate, then best image and its prominence.
+
+        The condition on the centroid (Eq. 9) is about adding an image, and not asked. See `BranchingMapper.look`.
+        """
+        journal = Journal()
+        examination = self._recognise(frame, journal)
+        found = examination.match if examination.verdict is Verdict.ASSIGNED else None
+        return self._report(frame, examination.verdict, found.node if found else None, 0, journal, examination)
+
     def _examine(self, frame: int, journal: Journal) -> _Examination:
         """Hold an image against the active nodes: gate, match, prominence, centroid."""
+        examination = self._recognise(frame, journal)
+        match = examination.match
+        if examination.verdict is not Verdict.ASSIGNED or match is None:
+            return examination
+        node = self._nodes[match.node]
+        centroid = Centroid(
+            shift=centroid_shift(self.images.position(frame), node.representative, len(node.frames)),
+            bound=centroid_bound(node.squared_radii),
+        )
+        journal.compare("centroid", [centroid.shift], centroid.bound)
+        verdict = Verdict.ASSIGNED if centroid.shift <= centroid.bound else Verdict.CENTROID
+        return _Examination(verdict, examination.gate, match, centroid)
+
+    def _recognise(self, frame: int, journal: Journal) -> _Examination:
+        """Hold an image against the active nodes: gate, match, prominence."""
         settings = self.settings
         gate = self._gate(frame, journal)
         candidates = gate.candidates.tolist()
@@ -170,14 +195,7 @@ class Roman2020(BranchingMapper):
             prominent = settings.single_peak == "accept"
         if not prominent:
             return _Examination(Verdict.PROMINENCE, gate, match)
-        node = self._nodes[match.node]
-        centroid = Centroid(
-            shift=centroid_shift(self.images.position(frame), node.representative, len(node.frames)),
-            bound=centroid_bound(node.squared_radii),
-        )
-        journal.compare("centroid", [centroid.shift], centroid.bound)
-        verdict = Verdict.ASSIGNED if centroid.shift <= centroid.bound else Verdict.CENTROID
-        return _Examination(verdict, gate, match, centroid)
+        return _Examination(Verdict.ASSIGNED, gate, match)
 
     def _gate(self, frame: int, journal: Journal) -> NodeGate:
         """Node-level loop closure (Eq. 4)."""

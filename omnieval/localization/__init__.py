@@ -1,0 +1,1 @@
+"""Images of another sequence found in the map of a run."""

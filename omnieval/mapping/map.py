@@ -1,0 +1,131 @@
+"""The map as an artefact: nodes, the images they hold, and the descriptions by which an image finds itself in it.
+
+Arrays only, none of which can be changed: whoever asks something of a map leaves it as it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnieval.descriptors.description import Description
+
+
+@dataclass(frozen=True)
+class TopologicalMap:
+    """Nodes and edges over n images, with all that localisation needs of the images.
+
+    Attributes
+    ----------
+    files
+        Names of the images, shape (n,), text.
+    times
+        When they were taken, nanoseconds since the epoch, shape (n,), int64; the smallest integer where unknown.
+    xy
+        Where they were taken, metres, shape (n, 2), NaN where unknown.
+    yaws
+        Headings, radians, shape (n,), NaN where unknown.
+    rooms
+        Their rooms, shape (n,), text; empty where unknown.
+    positions
+        Position descriptors, shape (n, d), float32.
+    orientations
+        Orientation descriptors, shape (n, cells, bins), float32.
+    labels
+        Node of every image, shape (n,), int64; 0 where it belongs to none.
+    nodes
+        Ids of the nodes, ascending, shape (m,), int64.
+    active
+        Which of them are active, shape (m,).
+    representatives
+        Mean position descriptor of every node, shape (m, d), float64.
+    representative_frames
+        Its image nearest to that, shape (m,), int64.
+    edges
+        Pairs of nodes that the robot went between and how often, shape (e, 3), int64.
+    about
+        What made it: descriptor, mapper and camera with their settings and identities, source and cut.
+    """
+
+    files: NDArray[np.str_]
+    times: NDArray[np.int64]
+    xy: NDArray[np.float64]
+    yaws: NDArray[np.float64]
+    rooms: NDArray[np.str_]
+    positions: NDArray[np.float32]
+    orientations: NDArray[np.float32]
+    labels: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+    active: NDArray[np.bool_]
+    representatives: NDArray[np.float64]
+    representative_frames: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    about: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        for name in ARRAYS:
+            getattr(self, name).flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def __repr__(self) -> str:
+        of = f" of {sequence}" if (sequence := self.about.get("sequence")) else ""
+        return f"TopologicalMap({len(self.nodes)} nodes over {len(self)} images{of})"
+
+    @property
+    def cells(self) -> int:
+        """Cells of the orientation descriptor."""
+        return int(self.orientations.shape[1])
+
+    @property
+    def is_posed(self) -> bool:
+        """Whether it is known of any image where it was taken."""
+        return bool(np.isfinite(self.xy).all(axis=1).any())
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of all arrays (`digest_of_arrays`): equal maps have equal ones."""
+        return digest_of_arrays({name: array_digest(getattr(self, name)) for name in ARRAYS})
+
+    def description(self, frame: int) -> Description:
+        """Return what an image looks like to the descriptor."""
+        return Description(self.positions[frame], self.orientations[frame])
+
+    def descriptions(self) -> Iterator[Description]:
+        """Yield what every image looks like to the descriptor, in the order in which they were mapped."""
+        return map(self.description, range(len(self)))
+
+    def images_of(self, node: int) -> NDArray[np.int64]:
+        """Return the images of a node, ascending."""
+        return np.flatnonzero(self.labels == node)
+
+
+ARRAYS = tuple(field.name for field in fields(TopologicalMap) if field.name != "about")
+"""The arrays of a map, in their order in its digest."""
+
+
+def begun_digest(dtype: np.dtype[Any], shape: tuple[int, ...]) -> hashlib.blake2b:
+    """Return the digest of an array of which no byte was added yet."""
+    return hashlib.blake2b(f"{dtype.str} {shape}\n".encode(), digest_size=16)
+
+
+def array_digest(array: NDArray[Any]) -> str:
+    """Return the digest of an array's type, shape and bytes: BLAKE2b, 16 bytes, hexadecimal."""
+    digest = begun_digest(array.dtype, array.shape)
+    digest.update(
+        np.ascontiguousarray(array).tobytes() if array.dtype.kind == "U" else np.ascontiguousarray(array).data
+    )
+    return digest.hexdigest()
+
+
+def digest_of_arrays(digests: Mapping[str, str]) -> str:
+    """Return the digest of all arrays of a map, of those of each by its name."""
+    lines = "".join(f"{name} {digests[name]}\n" for name in ARRAYS)
+    return hashlib.blake2b(lines.encode(), digest_size=16).hexdigest()
