@@ -73,13 +73,16 @@ def explain(
 
 def _print_answer(folder: Path, query: str, sequence: str | None, *, json: bool) -> None:
     from omnieval.cli.console import print_fields, print_json
+    from omnieval.json_records import jsonable
     from omnieval.localization.run import open_localization
     from omnieval.localization.words import answer_lines, find_query
 
     localization = open_localization(folder)
     rows = find_query(localization, query, sequence)
     if json:
-        print_json({"schema_version": 1, "localization": str(folder), "query": rows[0]["query"], "answers": rows})
+        print_json(
+            {"schema_version": 1, "localization": str(folder), "query": rows[0]["query"], "answers": jsonable(rows)}
+        )
         return
     print(f"query {rows[0]['query']} of {folder}, {rows[0]['sequence']} in {localization.manifest['map']['sequence']}")
     print_fields(answer_lines(localization, rows))

@@ -56,11 +56,11 @@ def localize(
 
     Examples:
 
-      omnieval localize runs/synthetic-cloudy-hog synthetic:night synthetic:sunny
+      omnieval localize runs/house synthetic:night synthetic:sunny
 
-      omnieval localize runs/house cold:/data/seq2_night2 --strategy nearest --within 1
+      omnieval localize runs/house cold:/data/seq2_night2 --strategy nearest
 
-      omnieval localize runs/synthetic-cloudy-hog synthetic:night --without-room 2PO2
+      omnieval localize runs/house synthetic:night --without-room 2PO2
     """
     from omnieval.cli.console import print_json, print_table, progress
     from omnieval.localization.run import localize as find

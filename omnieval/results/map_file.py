@@ -57,7 +57,9 @@ class MapWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._archive.fp is not None:  # left before its end
-            with suppress(OSError, ValueError):
+            with suppress(OSError):
+                if self._positions:
+                    self._member.close()
                 self._archive.close()
         self._open.__exit__(kind, error, trace)
 
