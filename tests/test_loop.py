@@ -146,7 +146,7 @@ def test_without_poses_position_metrics_are_null_with_a_reason(panoramas, tmp_pa
     assert run.recording.exists()
 
 
-def test_the_reason_tells_missing_poses_from_such_as_cannot_be_used(panoramas, tmp_path):
+def test_poses_that_cannot_be_used_are_left_out_and_the_others_counted(panoramas, tmp_path):
     frames = list(load(panoramas).frames)
     for number, x in ((3, math.nan), (5, math.inf), (7, 1e9)):
         frames[number] = dataclasses.replace(frames[number], pose=Pose(x, 0.0, 0.0))
@@ -155,11 +155,21 @@ def test_the_reason_tells_missing_poses_from_such_as_cannot_be_used(panoramas, t
     run = replay(sequence, config=omnieval.configure(CONFIG), out=tmp_path / "run")
     assert run.metrics["posed"] == 76
     assert run.metrics["silhouette"] is not None
-    with pytest.raises(
-        DatasetError,
-        match=r"1 of 80 images have no pose; 2 of 80 images have a pose that is not finite; "
-        r"1 of 80 images have a pose too far away to be metres; method positions needs",
-    ):
+
+
+def test_the_reason_tells_missing_poses_from_such_as_cannot_be_used(panoramas, tmp_path):
+    frames = [dataclasses.replace(frame, pose=None) for frame in load(panoramas).frames]
+    for number, x in ((3, math.nan), (5, math.inf), (7, 1e9)):
+        frames[number] = dataclasses.replace(frames[number], pose=Pose(x, 0.0, 0.0))
+    sequence = dataclasses.replace(load(panoramas), frames=tuple(frames))
+    run = replay(sequence, config=omnieval.configure(CONFIG), out=tmp_path / "run")
+    reason = (
+        "77 of 80 images have no pose; 2 of 80 images have a pose that is not finite; "
+        "1 of 80 images have a pose too far away to be metres"
+    )
+    assert run.metrics["silhouette"] is None
+    assert run.manifest["null_reasons"]["silhouette"] == reason
+    with pytest.raises(DatasetError, match=f"{reason}; method positions needs"):
         omnieval.baseline(sequence, method="positions", out=tmp_path / "baseline")
 
 
