@@ -22,7 +22,7 @@ from omnieval.baselines.methods import METHODS, Images, Method
 from omnieval.baselines.similarity import SIMILARITIES, Similarity, too_many
 from omnieval.config import Config, as_config, resolve
 from omnieval.errors import ConfigError
-from omnieval.material import Cut, Material, Source, opened
+from omnieval.material import Cut, Material, Source, opened, with_poses
 from omnieval.metrics.evaluation import evaluate
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
@@ -68,6 +68,9 @@ def baseline(
     at_k_of: str | Path | None = None,
     config: Config | Mapping[str, Any] | None = None,
     descriptor: Any = None,
+    poses: str | Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
     start: int = 0,
     stride: int = 1,
     limit: int | None = None,
@@ -78,7 +81,7 @@ def baseline(
 ) -> pl.DataFrame:
     """Part a sequence by another method and return one row a partition (`schemas.PARTITIONS`); see `run_baseline`."""
     return run_baseline(
-        source,
+        with_poses(source, poses, poses_tolerance, poses_interpolate),
         method=method,
         similarity=similarity,
         ks=ks,

@@ -28,7 +28,7 @@ from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import Step
-from omnieval.material import ARCHIVE, Cut, Material, Source, opened
+from omnieval.material import ARCHIVE, Cut, Material, Source, opened, with_poses
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.recording import RecordingOptions
 from omnieval.results.atomic import replacing
@@ -51,6 +51,9 @@ def replay(
     descriptor: Any = None,
     config: Config | Mapping[str, Any] | None = None,
     preset: str | None = None,
+    poses: str | Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
     start: int = 0,
     stride: int = 1,
     limit: int | None = None,
@@ -75,6 +78,8 @@ def replay(
         Parameters by name, or a configuration.
     preset
         Named parameters of the mapper.
+    poses, poses_tolerance, poses_interpolate
+        Where the images were taken; see `datasets.registry.posed_source`.
     start, stride, limit
         Which frames of the source.
     out
@@ -104,6 +109,7 @@ def replay(
     """
     resolved = as_config(config, preset=preset, mapper=mapper, descriptor=descriptor, **parameters)
     options = RecordingOptions() if recording is True else recording or None
+    source = with_poses(source, poses, poses_tolerance, poses_interpolate)
     with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
         name = run_name(material.name, material.descriptor, resolved.mapper)
         folder = Path(out) if out is not None else free_folder(RUNS, name)
@@ -133,6 +139,9 @@ def describe_archive(
     *,
     descriptor: Any = None,
     config: Config | Mapping[str, Any] | None = None,
+    poses: str | Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
     start: int = 0,
     stride: int = 1,
     limit: int | None = None,
@@ -145,6 +154,7 @@ def describe_archive(
     path = Path(file).expanduser()
     claim_file(path, overwrite=overwrite)
     resolved = as_config(config, descriptor=descriptor, **parameters)
+    source = with_poses(source, poses, poses_tolerance, poses_interpolate)
     with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
         described = []
         for one in material.described:

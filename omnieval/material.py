@@ -25,8 +25,11 @@ from omnieval.components import Component
 from omnieval.config import Config
 from omnieval.datasets import load
 from omnieval.datasets.findings import KindOfFinding, by_kind
+from omnieval.datasets.registry import posed_source
 from omnieval.datasets.scan import FARTHEST_M
 from omnieval.datasets.sequence import Frame, Pose, Sequence, positions_of
+from omnieval.datasets.source import apart
+from omnieval.datasets.trajectory.load import OPTIONS as OF_POSES
 from omnieval.descriptors.archive import Archive, load_archive
 from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import DescribedFrame, Describer
@@ -221,13 +224,44 @@ def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
 
 
 def archive_file(source: Source) -> Path | None:
-    """Return the archive of descriptors that a source names, None if it names a sequence."""
+    """Return the archive of descriptors that a source names, None if it names a sequence.
+
+    Raises
+    ------
+    ConfigError
+        If it is an archive that other poses are to be given to.
+    """
     if isinstance(source, Sequence):
         return None
     text = str(source)
+    place, poses = apart(text, OF_POSES)
+    if poses and (place.startswith(ARCHIVE_SCHEME) or place.endswith(".npz")):
+        raise ConfigError(
+            f"{place} has poses of its own, xy and yaw; leave --poses out, or describe the images with it"
+        )
     if text.startswith(ARCHIVE_SCHEME):
         return Path(text.removeprefix(ARCHIVE_SCHEME)).expanduser()
     return Path(text).expanduser() if text.endswith(".npz") else None
+
+
+def with_poses(
+    source: Source,
+    poses: str | Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
+) -> Source:
+    """Return a source with poses written into it; see `datasets.registry.posed_source`.
+
+    Raises
+    ------
+    ConfigError
+        If poses are given to a sequence, which has been loaded.
+    """
+    if (poses, poses_tolerance, poses_interpolate) == (None, None, None):
+        return source
+    if isinstance(source, Sequence):
+        raise ConfigError("a sequence that is loaded has its poses; give them to omnieval.load")
+    return posed_source(source, poses, poses_tolerance, poses_interpolate)
 
 
 def refuse_descriptor(source: Source, config: Config) -> None:

@@ -25,7 +25,7 @@ from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.soundness import examined
 from omnieval.loop import run as replay
-from omnieval.material import Cut, Source, opened
+from omnieval.material import Cut, Source, opened, with_poses
 from omnieval.recording import RecordingOptions
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder, hold_folder, reason_of
@@ -71,6 +71,9 @@ def ablate(
     settings: Mapping[str, Any] | None = None,
     exact: str | None = None,
     preset: str | None = None,
+    poses: str | Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
     start: int = 0,
     stride: int = 1,
     limit: int | None = None,
@@ -101,6 +104,8 @@ def ablate(
         An interval of a parameter, such as ``"merge_y=0.5:3"``: one row for every piece on which the map is the same.
     preset
         Named parameters of the mapper.
+    poses, poses_tolerance, poses_interpolate
+        Where the images were taken; see `datasets.registry.posed_source`.
     start, stride, limit
         Which frames of each source.
     skip_bad
@@ -113,6 +118,7 @@ def ablate(
     >>> omnieval.ablate("synthetic", {"omega": [1.7, 2.3], "n_new": "20:40:10"}, jobs=2)  # doctest: +SKIP
     """
     several = [sources] if isinstance(sources, str | Path | ImageSequence) else list(sources)
+    several = [with_poses(source, poses, poses_tolerance, poses_interpolate) for source in several]
     chosen = {"mapper": mapper, "descriptor": descriptor}
     axes = [make_axis(name, value, name) for name, value in chosen.items() if value is not None]
     axes += [make_axis(name, values, "vary") for name, values in (vary or {}).items()]

@@ -60,6 +60,9 @@ def ablate(
             metavar="NAME",
         ),
     ] = None,
+    poses: options.Poses = None,
+    poses_tolerance: options.PosesTolerance = None,
+    poses_interpolate: options.PosesInterpolate = None,
     topic: options.Topic = None,
     pose_topic: options.PoseTopic = None,
     pose_frame: options.PoseFrame = None,
@@ -115,7 +118,15 @@ def ablate(
     check_options(span, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
     chosen = {"mapper": mapper, "descriptor": descriptor}
     cut = options.cut(start, stride, limit)
-    given = [options.streamed(source, topic, pose_topic, pose_frame, decode_every) for source in sources or ()]
+    given = [
+        options.posed(
+            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
+            poses,
+            poses_tolerance,
+            poses_interpolate,
+        )
+        for source in sources or ["synthetic"]
+    ]
     plan = _plan(given, vary, axes, span, chosen, set_, config, preset, cut, skip_bad)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)

@@ -35,6 +35,9 @@ def baseline(
     set_: options.Set = None,
     config: options.ConfigFile = None,
     descriptor: options.DescriptorName = None,
+    poses: options.Poses = None,
+    poses_tolerance: options.PosesTolerance = None,
+    poses_interpolate: options.PosesInterpolate = None,
     topic: options.Topic = None,
     pose_topic: options.PoseTopic = None,
     pose_frame: options.PoseFrame = None,
@@ -75,7 +78,12 @@ def baseline(
     check_options(method=method, similarity=similarity, ks=ks, at_k_of=at_k_of)
     with progress(method) as report:
         run = run_baseline(
-            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
+            options.posed(
+                options.streamed(source, topic, pose_topic, pose_frame, decode_every),
+                poses,
+                poses_tolerance,
+                poses_interpolate,
+            ),
             method=method,
             similarity=similarity,
             ks=ks,

@@ -31,6 +31,9 @@ def check(
     preset: options.Preset = None,
     mapper: options.MapperName = None,
     descriptor: options.DescriptorName = None,
+    poses: options.Poses = None,
+    poses_tolerance: options.PosesTolerance = None,
+    poses_interpolate: options.PosesInterpolate = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -56,12 +59,15 @@ def check(
       omnieval check --reference mine.toml --junit check.xml
     """
     selection = _selection(set_, config, preset, mapper, descriptor, start, stride, limit, skip_bad=skip_bad)
+    if (poses, poses_tolerance, poses_interpolate) != (None, None, None):
+        _check_posed(targets or [])
+    targets = [options.posed(target, poses, poses_tolerance, poses_interpolate) for target in targets or ()]
     if junit:
         _check_junit(junit, update=update)
     if update:
-        _update(reference, targets or [], selection, json=json)
+        _update(reference, targets, selection, json=json)
     else:
-        _check(reference, targets or [], selection, junit, json=json)
+        _check(reference, targets, selection, junit, json=json)
 
 
 def _check(reference: Path, targets: list[str], selection: Selection | None, junit: Path | None, *, json: bool) -> None:
@@ -86,6 +92,15 @@ def _check(reference: Path, targets: list[str], selection: Selection | None, jun
                 print("\n".join(f"  {line}" for line in lines))
     if (error := failure(reports, reference)) is not None:
         raise error
+
+
+def _check_posed(targets: list[str]) -> None:
+    """Refuse poses for what has its own: cases say where theirs are, and runs have been judged."""
+    from omnieval.errors import ConfigError
+    from omnieval.results.manifest import MANIFEST
+
+    if not targets or any((Path(target) / MANIFEST).is_file() for target in targets):
+        raise ConfigError("--poses is for a SOURCE that is replayed; name one")
 
 
 def _check_junit(junit: Path, *, update: bool) -> None:

@@ -115,6 +115,9 @@ def fetch(
 @app.command("check", short_help="Find what is wrong on disk.")
 def check(
     source: options.Source = "synthetic",
+    poses: options.Poses = None,
+    poses_tolerance: options.PosesTolerance = None,
+    poses_interpolate: options.PosesInterpolate = None,
     topic: options.Topic = None,
     pose_topic: options.PoseTopic = None,
     pose_frame: options.PoseFrame = None,
@@ -133,7 +136,9 @@ def check(
     from omnieval.datasets.check import check as check_sequence
     from omnieval.errors import DatasetError
 
-    source = options.streamed(source, topic, pose_topic, pose_frame, decode_every)
+    source = options.posed(
+        options.streamed(source, topic, pose_topic, pose_frame, decode_every), poses, poses_tolerance, poses_interpolate
+    )
     with progress("checking") as report_progress:
         report = check_sequence(source, progress=report_progress)
     if json:

@@ -17,6 +17,9 @@ def describe(
     set_: options.Set = None,
     config: options.ConfigFile = None,
     descriptor: options.DescriptorName = None,
+    poses: options.Poses = None,
+    poses_tolerance: options.PosesTolerance = None,
+    poses_interpolate: options.PosesInterpolate = None,
     topic: options.Topic = None,
     pose_topic: options.PoseTopic = None,
     pose_frame: options.PoseFrame = None,
@@ -45,7 +48,12 @@ def describe(
     resolved = options.configuration(set_, config, None, None, descriptor)
     with progress("describing") as report:
         archive, material = describe_archive(
-            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
+            options.posed(
+                options.streamed(source, topic, pose_topic, pose_frame, decode_every),
+                poses,
+                poses_tolerance,
+                poses_interpolate,
+            ),
             out,
             config=resolved,
             start=start,

@@ -71,6 +71,32 @@ DecodeEvery = Annotated[
     int | None,
     typer.Option("--decode-every", min=1, help="Of a video or bag: decode every N-th image only.", metavar="N"),
 ]
+Poses = Annotated[
+    Path | None,
+    typer.Option(
+        "--poses",
+        help="Where the images were taken: TUM, KITTI, EuRoC, or a table with a heading; default what the images have.",
+        metavar="FILE",
+    ),
+]
+PosesTolerance = Annotated[
+    float | None,
+    typer.Option(
+        "--poses-tolerance",
+        min=0,
+        help="How far an image may be from its pose in time; default half the median interval between images.",
+        metavar="SECONDS",
+    ),
+]
+PosesInterpolate = Annotated[
+    float | None,
+    typer.Option(
+        "--poses-interpolate",
+        min=0,
+        help="Interpolate between poses that are at most so far apart in time; default not at all.",
+        metavar="SECONDS",
+    ),
+]
 Start = Annotated[int, typer.Option(min=0, help="First frame to use.", metavar="N")]
 Stride = Annotated[int, typer.Option(min=1, help="Use every N-th frame.", metavar="N")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Use at most this many frames.", metavar="N")]
@@ -130,6 +156,13 @@ def streamed(
         name = f"--{error.args[0]}".replace("--every", "--decode-every")
         what = "bags" if error.args[0] != "every" else "videos and bags"
         raise ConfigError(f"{name} is for {what}, and {source} is none; leave it out") from error
+
+
+def posed(source: str, poses: Path | None, tolerance: float | None, interpolate: float | None) -> str:
+    """Return a source with the poses that the options ask for written into it."""
+    from omnieval.datasets.registry import posed_source
+
+    return str(posed_source(source, poses, tolerance, interpolate))
 
 
 def cut(start: int, stride: int, limit: int | None) -> Cut:

@@ -19,6 +19,9 @@ def replay(
     preset: options.Preset = None,
     mapper: options.MapperName = None,
     descriptor: options.DescriptorName = None,
+    poses: options.Poses = None,
+    poses_tolerance: options.PosesTolerance = None,
+    poses_interpolate: options.PosesInterpolate = None,
     topic: options.Topic = None,
     pose_topic: options.PoseTopic = None,
     pose_frame: options.PoseFrame = None,
@@ -66,7 +69,12 @@ def replay(
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
     with progress("replaying") as report:
         run = run_replay(
-            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
+            options.posed(
+                options.streamed(source, topic, pose_topic, pose_frame, decode_every),
+                poses,
+                poses_tolerance,
+                poses_interpolate,
+            ),
             config=resolved,
             start=start,
             stride=stride,

@@ -14,14 +14,17 @@ bad-name              error    an image's name does not parse
 bad-label             error    a line of ``places.lst`` does not parse
 conflicting-label     error    an image has two different labels
 unreadable-labels     error    ``places.lst`` cannot be read
-bad-pose-row          error    the header or a row of ``poses.csv`` or of the ground truth is wrong
-unreadable-poses      error    ``poses.csv`` or the ground truth cannot be read
+bad-pose-row          error    the heading or a row of a table of poses is wrong
+bad-rotations         error    the rotations of a table of poses are none, or of another order
+unclear-times         error    the times of a table of poses are too large for seconds, and have no unit
+unreadable-poses      error    the file of poses cannot be read
+poses-match-nothing   error    no row of a table of poses is of an image, by name or time
 bad-card              error    the data card beside the data is wrong
 missing-poses         error    the ground truth that the data card names is not there
-several-poses         error    more than one file may be the ground truth
-rows-differ           error    not one row of ground truth for each image
 labels-match-nothing  error    no label names an image that is there, or one of nearly the same time
-ambiguous-image       error    a row of ground truth may mean several images
+several-poses         error    more than one file may hold the poses
+rows-differ           error    poses without names and times are not one for each image
+ambiguous-image       error    a row of a table of poses may mean several images
 bad-camera            error    ``camera.toml`` is wrong
 unreadable-image      error    the file cannot be read
 empty-image           error    the file has no bytes
@@ -40,8 +43,13 @@ bad-pose              warning  a pose is not finite, or no position in metres: t
 duplicate-time        warning  two images were taken at the same time
 names-not-in-order    warning  by its name an image comes after one that was taken later; the times decide
 yaw-out-of-range      warning  a yaw that is probably not in radians
+yaw-in-degrees        warning  a yaw without unit was taken for degrees
+yaw-against-path      warning  the robot turns the other way than it drives: columns swapped, or yaw clockwise
+bad-rotation          warning  a rotation is none: the image counts as one without heading
+odd-rotations         warning  the rotations do not tell which way is up
+other-poses           warning  another file beside the images might hold poses, too
 image-without-label   warning  an image that ``places.lst`` does not name
-image-without-pose    warning  an image without a pose in ``poses.csv`` or the ground truth
+image-without-pose    warning  an image without a pose where others have one
 label-by-time         warning  a label that names an image of nearly the same time, and not this one
 mixed-kinds           warning  an image of another kind than most: format, colours, or bits a channel
 mixed-orientation     warning  an image that its EXIF orientation turns otherwise than most
@@ -57,7 +65,9 @@ size-differs          warning  the images' size differs from the data card
 count-differs         warning  the number of images differs from the data card
 length-differs        warning  the path's length differs from the data card
 no-labels             info     there is no ``places.lst``
-no-poses              info     there is no ``poses.csv`` or ground truth, or no topic of poses was named
+no-poses              info     there is no file of poses, or no topic of poses was named
+poses-read            info     what a file of poses was taken for, and how it was joined to the images
+poses-interpolated    info     images between two poses
 times-of-recording    info     images of a bag have no time of their own
 ===================== ======== =====================================================================
 

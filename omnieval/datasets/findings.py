@@ -30,7 +30,8 @@ class Finding:
     code
         Kebab-case name of the kind of finding, e.g. ``wrong-size``.
     where
-        Relative to the sequence folder, ``/`` as separator, ``:LINE`` behind it in text files.
+        Relative to the sequence folder, or absolute if it lies elsewhere; ``/`` as separator, ``:LINE`` behind it in
+        text files.
     message
         What is wrong and what to do, one line.
     """

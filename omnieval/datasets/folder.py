@@ -5,7 +5,7 @@ The folder looks like this::
     my_panoramas/
       img_0001.png                   *.png, *.jpg, *.tif ..., upper or lower case
       ...
-      poses.csv                      optional, see `omnieval.datasets.poses`
+      poses.csv                      optional, or another file of poses, see `omnieval.datasets.trajectory`
       camera.toml                    optional, see `omnieval.datasets.cards.parse_camera`
       card.toml                      optional: a data card, whose [layout] says where else images and poses are
 
@@ -40,6 +40,7 @@ from omnieval.datasets.scan import (
     unread_remarks,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose
+from omnieval.datasets.trajectory.load import posed_by_what_is_beside
 from omnieval.errors import DatasetError
 from omnieval.wording import safe_name, shown
 
@@ -75,8 +76,13 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
     layout = known.layout or Layout()
     matched = _matches(root, layout.images)
     names = sorted(filter(has_image_suffix, matched), key=natural_key)
-    captures, findings = _read_poses(root, names, layout.ground_truth)
-    frames, time_findings = in_time(_timed([_frame(root, name, captures.get(name)) for name in names]))
+    if layout.ground_truth == BY_HEADING:
+        timed = _timed([Frame(root / name, name) for name in names])
+        posed, findings = posed_by_what_is_beside(root, timed)
+    else:
+        captures, findings = _read_poses(root, names, layout.ground_truth)
+        posed = _timed([_frame(root, name, captures.get(name)) for name in names])
+    frames, time_findings = in_time(posed)
     camera = Camera("omnidirectional" if known.mirror else layout.kind, known.mirror)
     faults = [*_name_faults(names, layout, own_cards[0]), *findings, *_spread_remarks(names), *unread_remarks(matched)]
     faults += _twin_remarks(names)
@@ -179,7 +185,7 @@ def _poses_file(root: Path, truth: GroundTruth) -> str | Finding:
     if found:
         message = f"matches {', '.join(map(shown, found[:3]))}; name one in layout.ground_truth.file"
         return Finding("error", "several-poses", where, message)
-    if truth == BY_HEADING or any(mark in truth.file for mark in "*?["):
+    if any(mark in truth.file for mark in "*?["):
         return Finding("info", "no-poses", where, "not there; position metrics will be null")
     return Finding("error", "missing-poses", where, "named in the card but not there; correct the card")
 

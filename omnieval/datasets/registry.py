@@ -22,7 +22,8 @@ from omnieval.datasets.scan import (
     visible_names,
 )
 from omnieval.datasets.sequence import Sequence
-from omnieval.datasets.source import STREAMS, parse, split, written
+from omnieval.datasets.source import STREAMS, apart, parse, split, together, written
+from omnieval.datasets.trajectory.load import OPTIONS, PoseOptions, with_poses
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, safe_name, shown
 
@@ -41,15 +42,28 @@ _SCANNERS = {
 _WITHOUT_PATH = frozenset({"synthetic"})
 
 
-def load(source: str | Path = DEFAULT_SOURCE) -> Sequence:
+def load(
+    source: str | Path = DEFAULT_SOURCE,
+    *,
+    poses: str | Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
+) -> Sequence:
     """Load the sequence that `source` names. No image is read.
+
+    Parameters
+    ----------
+    source
+        As on the command line.
+    poses, poses_tolerance, poses_interpolate
+        A file of poses to take, and how; see `posed_source`.
 
     Raises
     ------
     DatasetError
         If the source is unknown, or the sequence is missing or faulty.
     """
-    return scan(source).sequence()
+    return scan(posed_source(source, poses, poses_tolerance, poses_interpolate)).sequence()
 
 
 def scan(source: str | Path) -> Scan:
@@ -60,6 +74,11 @@ def scan(source: str | Path) -> Scan:
     DatasetError
         If the source is unknown, or has no path.
     """
+    if isinstance(source, str):
+        bare, options = _options_of_poses(source)
+        if options is not None:
+            found = with_poses(scan(bare), options)
+            return replace(found, source=together(found.source, options.written))
     scheme, rest = split_source(source)
     if scheme is None:
         return _scan_bare(rest)
@@ -113,6 +132,41 @@ def with_options(source: str, options: Mapping[str, str]) -> str:
     return f"{scheme}:{written(path, {**given, **options})}"
 
 
+def posed_source(
+    source: str | Path,
+    poses: str | Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
+) -> str | Path:
+    """Return a source with the poses that are to be taken written into it, in place of those it names.
+
+    Parameters
+    ----------
+    source
+        As on the command line.
+    poses
+        A file of poses: TUM, KITTI, EuRoC, or a table with a heading (`omnieval.datasets.trajectory.read`).
+    poses_tolerance
+        How far an image may be from its pose in time, seconds; default half the median interval between images.
+    poses_interpolate
+        Interpolate between poses that are at most so many seconds apart.
+
+    Examples
+    --------
+    >>> posed_source("folder:/data/tour", "/data/tour.tum")
+    'folder:/data/tour#poses=/data/tour.tum'
+    """
+    values = {"poses": poses, "poses-tolerance": poses_tolerance, "poses-interpolate": poses_interpolate}
+    given = {name: str(value) for name, value in values.items() if value is not None}
+    return together(str(source), given) if given else source
+
+
+def _options_of_poses(source: str) -> tuple[str, PoseOptions | None]:
+    """Return a source without what it says of poses, and that; None if it says nothing."""
+    bare, given = apart(source, OPTIONS)
+    return (bare, PoseOptions.of(given, source)) if given else (source, None)
+
+
 def canonical(source: str) -> str:
     """Return a source as sequences record it, so that two names of one sequence are equal. No image is read.
 
@@ -121,6 +175,9 @@ def canonical(source: str) -> str:
     DatasetError
         If the source is unknown, or a bare path holds no sequence.
     """
+    bare, options = _options_of_poses(source)
+    if options is not None:
+        return together(canonical(bare), options.written)
     scheme, rest = split_source(source)
     if scheme is None:
         scheme = stream_scheme(rest)
@@ -136,7 +193,7 @@ def canonical(source: str) -> str:
 
 def place_of(source: str) -> Path | None:
     """Return where a canonical source lies; None for one that lies nowhere."""
-    scheme, _, rest = source.partition(":")
+    scheme, _, rest = apart(source, OPTIONS)[0].partition(":")
     return None if scheme in _WITHOUT_PATH else Path(split(rest)[0] if scheme in STREAMS else rest)
 
 

@@ -26,8 +26,8 @@ _UNREAD_SUFFIXES = (
 """Of images that are not read."""
 IMAGE_KINDS = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
 """The same for messages."""
-FARTHEST_M = 1e6
-"""No building is 1,000 km wide: a coordinate beyond is a slip, and would drown every distance."""
+FARTHEST_M = 3e7
+"""No map of the Earth has larger coordinates, UTM included: one beyond is a slip, such as a time."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,8 @@ def refusal(faults: tuple[Finding, ...], *, root: str, source: str) -> str:
     `root` is put before places within the sequence, unless it is empty.
     """
     first, others = faults[0], len(faults) - 1
-    place = "/".join(part for part in (root, first.where) if part not in ("", ROOT))
+    elsewhere = first.where.startswith("/")
+    place = first.where if elsewhere else "/".join(part for part in (root, first.where) if part not in ("", ROOT))
     line = f"{shown(place)}: {first.message}"
     if not others:
         return line
@@ -182,13 +183,16 @@ def unread_remarks(names: Iterable[str]) -> list[Finding]:
     ]
 
 
-def pose_remarks(poses: Iterable[tuple[str, Pose | None]], *, largest_yaw: float) -> list[Finding]:
-    """Return what is odd about poses and the places they were found at; up to `largest_yaw` radians are expected."""
+def pose_remarks(poses: Iterable[tuple[str, Pose | None]], *, largest_yaw: float = math.pi) -> list[Finding]:
+    """Return what is odd about poses and the places they were found at.
+
+    A yaw may be unknown, NaN; up to `largest_yaw` radians are expected.
+    """
     remarks: list[Finding] = []
     for where, pose in poses:
         if pose is None:
             continue
-        if not (math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.yaw)):
+        if not (math.isfinite(pose.x) and math.isfinite(pose.y)) or math.isinf(pose.yaw):
             message = "the pose is not finite and left out; correct or remove it"
             remarks.append(Finding("warning", "bad-pose", where, message))
         elif max(abs(pose.x), abs(pose.y)) > FARTHEST_M:

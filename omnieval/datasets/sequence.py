@@ -22,7 +22,7 @@ _Cut = tuple[int, int, int | None]
 class Pose:
     """Ground-truth pose of a capture, in the dataset's own frame.
 
-    x and y in metres, yaw in radians, counter-clockwise, in (-pi, pi].
+    x and y in metres, yaw in radians, counter-clockwise, in (-pi, pi], NaN where unknown.
     """
 
     x: float

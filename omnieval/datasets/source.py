@@ -9,7 +9,7 @@ first; written out, its source ends in one more ``#``.
 from __future__ import annotations
 
 import urllib.parse
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,6 +97,33 @@ def split(text: str) -> tuple[str, dict[str, str]]:
         return text, {}
     pairs = (part.partition("=") for part in tail.split(",") if part)
     return path, {name.strip(): urllib.parse.unquote(value) for name, _, value in pairs}
+
+
+def apart(source: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
+    """Return a source without its options of some names, and these.
+
+    Examples
+    --------
+    >>> apart("video:/a.mp4#every=5,poses=/a.tum", ["poses"])
+    ('video:/a.mp4#every=5', {'poses': '/a.tum'})
+    """
+    place, given = split(source)
+    taken = {name: value for name, value in given.items() if name in names}
+    if not taken:
+        return source, {}
+    return written(place, {name: value for name, value in given.items() if name not in names}), taken
+
+
+def together(source: str, options: Mapping[str, str]) -> str:
+    """Return a source with options behind those it has.
+
+    Examples
+    --------
+    >>> together("video:/a.mp4#every=5", {"poses": "/a.tum"})
+    'video:/a.mp4#every=5,poses=/a.tum'
+    """
+    place, given = split(source)
+    return written(place, {**given, **options}) if options else source
 
 
 def written(path: str, options: Mapping[str, str]) -> str:

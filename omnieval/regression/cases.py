@@ -244,4 +244,4 @@ def portable(name: str) -> str:
     It is for other people's checkouts.
     """
     here = re.escape(str(Path.cwd()))
-    return re.sub(rf"(^|:){here}(/|$)", lambda found: found[1] + ("" if found[2] else "."), name)
+    return re.sub(rf"(^|:|=){here}(/|$)", lambda found: found[1] + ("" if found[2] else "."), name)

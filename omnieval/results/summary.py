@@ -27,6 +27,8 @@ def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "frames", f"{manifest['frames']} in {timings['seconds']:.1f} s ({timings['frames_per_second']:.0f} frames/s)"
     if skipped := skipped_images(manifest):
         yield "skipped", skipped
+    if poses := _poses(manifest):
+        yield "poses", poses
     yield "nodes", f"{metrics['nodes']}"
     reasons = manifest["null_reasons"]
     yield "silhouette", _value(metrics["silhouette"], reasons.get("silhouette"))
@@ -57,6 +59,12 @@ def skipped_images(manifest: Mapping[str, Any]) -> str | None:
     if not skipped:
         return None
     return in_words([BadImage(**bad) for bad in skipped], manifest["frames"] + len(skipped))
+
+
+def _poses(manifest: Mapping[str, Any]) -> str | None:
+    """Return what a file of poses was taken for; None if there is none, or nothing to tell."""
+    said = (found for found in manifest.get("findings") or () if found["kind"] == "poses-read")
+    return next((f"{found['first']}: {found['message']}" for found in said), None)
 
 
 def _part(known: float | None, frames: int, words: str) -> str | None:

@@ -80,9 +80,12 @@ def _check_names(frames: Listing[Frame]) -> None:
 def _check_labels(frame: Frame) -> None:
     pose = frame.pose
     if pose is not None:
-        finite = all(math.isfinite(value) for value in (pose.x, pose.y, pose.yaw))
-        require(finite, f"{frame.file}: a pose must be finite or None, got {pose}")
-        require(-math.pi < pose.yaw <= math.pi, f"{frame.file}: yaw must lie in (-pi, pi], got {pose.yaw}")
+        finite = math.isfinite(pose.x) and math.isfinite(pose.y)
+        require(finite, f"{frame.file}: a position must be finite, or the pose None, got {pose}")
+        require(
+            math.isnan(pose.yaw) or -math.pi < pose.yaw <= math.pi,
+            f"{frame.file}: yaw must lie in (-pi, pi], got {pose.yaw}",
+        )
     require(frame.room != "", f"{frame.file}: an unknown room must be None, not empty")
 
 

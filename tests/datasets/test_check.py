@@ -197,10 +197,10 @@ class TestFolder:
         assert codes(report) == [
             ("bad-pose-row", "poses.csv:6"),
             ("bad-camera", "camera.toml"),
+            ("yaw-in-degrees", "poses.csv"),
+            ("bad-pose", "poses.csv:3"),
             ("missing-image", "gone.png"),
             ("image-without-pose", "4 é.png"),
-            ("bad-pose", "poses.csv:3"),
-            ("yaw-out-of-range", "poses.csv:4"),
             ("names-not-in-order", "2.png"),
             ("duplicate-time", "3.png"),
         ]
@@ -208,7 +208,7 @@ class TestFolder:
         assert report.duration_s is None
 
     def test_a_wrong_header_is_the_only_fault_of_the_table(self, tmp_path):
-        report = check(make_folder(tmp_path / "f", ["1.png"], "file,X_m,y,yaw\n1.png,0,0,0\n"))
+        report = check(make_folder(tmp_path / "f", ["1.png"], "file,speed,y,yaw\n1.png,0,0,0\n"))
         assert codes(report) == [("bad-pose-row", "poses.csv:1")]
 
     def test_a_table_that_is_no_text(self, tmp_path):

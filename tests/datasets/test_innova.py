@@ -245,7 +245,7 @@ class TestFaults:
             ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,1_0,0\n"}, ("error", "bad-pose-row", "ground_truth.csv:12")),
             ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,,0\n"}, ("error", "bad-pose-row", "ground_truth.csv:12")),
             ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,nan,0\n"}, ("warning", "bad-pose", "ground_truth.csv:12")),
-            ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,1e7,0\n"}, ("warning", "bad-pose", "ground_truth.csv:12")),
+            ("", {"ground_truth.csv": "0,0,0\n" * 11 + "0,1e8,0\n"}, ("warning", "bad-pose", "ground_truth.csv:12")),
             (
                 "",
                 {"ground_truth.csv": "0,0,0\n" * 11 + "0,0,90\n"},

@@ -1,0 +1,81 @@
+"""Which file beside the images holds their poses, where nobody names one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from omnieval.datasets.findings import Finding
+from omnieval.datasets.scan import visible_names
+from omnieval.wording import shown
+
+USUAL = "poses.csv"
+"""What is taken whatever else is there."""
+_STEMS = frozenset(
+    [
+        "poses",
+        "pose",
+        "groundtruth",
+        "ground_truth",
+        "gt",
+        "trajectory",
+        "traj",
+        "cameratrajectory",
+        "keyframetrajectory",
+        "stamped_groundtruth",
+        "stamped_traj_estimate",
+        "odometry",
+        "odom",
+    ]
+)
+_ENDINGS = frozenset((".csv", ".tsv", ".txt", ".tum", ".kitti"))
+_OWN_ENDINGS = frozenset((".tum", ".kitti"))
+"""Endings that only files of poses have."""
+_EUROC = ("state_groundtruth_estimate0/data.csv", "mav0/state_groundtruth_estimate0/data.csv")
+
+
+def poses_beside(root: Path) -> tuple[Path | None, list[Finding]]:
+    """Return the file of poses in a folder of images or, of well-known layouts, above it; and what to know of it.
+
+    ``poses.csv`` in any case is taken first; of several other files none.
+    """
+    found = [root / name for name in visible_names(root) if _may_hold_poses(root / name)]
+    found += [root / name for name in _EUROC if (root / name).is_file()]
+    found = found or _above(root)
+    usual = [path for path in found if path.name.casefold() == USUAL]
+    chosen = usual or found
+    if len(chosen) == 1:
+        others = [path for path in found if path != chosen[0]]
+        return chosen[0], [_ignored(chosen[0], others)] if others else []
+    if chosen:
+        names = ", ".join(shown(_relative(path, root)) for path in chosen[:4])
+        message = f"{names} may all hold the poses; name one with --poses FILE, or a card.toml"
+        return None, [Finding("error", "several-poses", shown(_relative(chosen[0], root)), message)]
+    return None, [Finding("info", "no-poses", USUAL, "not there; position metrics will be null")]
+
+
+def _above(root: Path) -> list[Path]:
+    """Return the poses of layouts with a folder for images alone: TUM's ``rgb``, EuRoC's ``cam0/data``."""
+    if root.name == "data":
+        return [path for name in _EUROC if (path := root.parent.parent / name).is_file()]
+    if root.name.casefold() in {"rgb", "images", "image", "imgs"}:
+        groundtruth = root.parent / "groundtruth.txt"
+        return [groundtruth] if groundtruth.is_file() else []
+    return []
+
+
+def _may_hold_poses(path: Path) -> bool:
+    ending = path.suffix.casefold()
+    if ending in _OWN_ENDINGS:
+        return path.is_file()
+    return ending in _ENDINGS and path.stem.casefold() in _STEMS
+
+
+def _ignored(chosen: Path, others: Sequence[Path]) -> Finding:
+    names = ", ".join(shown(path.name) for path in others[:3])
+    message = f"taken for the poses, not {names}; --poses FILE takes another"
+    return Finding("warning", "other-poses", shown(chosen.name), message)
+
+
+def _relative(path: Path, root: Path) -> str:
+    return path.relative_to(root).as_posix() if path.is_relative_to(root) else path.as_posix()
