@@ -367,12 +367,18 @@ def _explaining(owner: Owner, applied: Mapping[tuple[str, str], Setting], make: 
         raise ConfigError("; ".join(_explain(error, owner, applied))) from error
 
 
+_OF_NUMBERS = {"float_parsing": "a number", "int_parsing": "a whole number", "int_from_float": "a whole number"}
+"""What to say in place of how a number was not parsed."""
+
+
 def _explain(error: ValidationError, owner: Owner, applied: Mapping[tuple[str, str], Setting]) -> Iterator[str]:
     for fault in error.errors():
         name = str(fault["loc"][0]) if fault["loc"] else ""
         setting = applied.get((owner.name, name))
         message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-        message = message.removeprefix("a valid number, ").removeprefix("a valid integer, ")
+        message = _OF_NUMBERS.get(fault["type"], message)
+        if "," in str(fault["input"]) and message == _OF_NUMBERS["float_parsing"]:
+            message += " with a decimal point"
         if setting is None:
             yield f"{owner.full(name)}: {message}"
         else:

@@ -31,6 +31,8 @@ from omnieval.cli import (
     view,
 )
 from omnieval.cli.console import library_notes, note
+from omnieval.cli.front_page import COMPARE, DATA, JUDGE, LOOK, RUN, FrontPage
+from omnieval.cli.slips import in_place_of
 from omnieval.cli.streams import ready_streams
 from omnieval.errors import OmnievalError
 
@@ -38,32 +40,32 @@ INTERRUPTED = 130
 
 app = typer.Typer(
     name="omnieval",
+    cls=FrontPage,
     help="Replay incremental topological mapping over omnidirectional images and keep the evidence of every decision.",
     epilog="A SOURCE is synthetic[:cloudy|night|sunny[:N]], cold:PATH, innova:PATH, folder:PATH, video:FILE, bag:PATH, "
     "npz:FILE, or a path recognised by its content. "
     "Exit codes: 0 ok, 1 unexpected, 2 usage or configuration, 3 dataset invalid, 4 regression failed, "
     "5 some jobs failed, 130 interrupted. Add --debug to any command for the traceback of an error.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("replay", short_help="Replay a sequence into a run folder.")(replay.replay)
-app.command("map", short_help="Map descriptors computed anywhere.")(map_descriptors.map_descriptors)
-app.command("ablate", short_help="Sweep parameters: one row a run.")(ablate.ablate)
-app.command("baseline", short_help="Cluster by other methods, same metrics.")(baseline.baseline)
-app.command("check", short_help="Guard results against a reference.")(check.check)
-app.command("localize", short_help="Find other images in a run's map.")(localize.localize)
-app.command("report", short_help="Draw figures and tables: one page.")(report.report)
-app.command("describe", short_help="Write descriptors as a NumPy archive.")(describe.describe)
-app.command("render", short_help="Rebuild a run's recording.")(render.render)
-app.command("view", short_help="Open runs in the Rerun viewer.")(view.view)
-app.command("compare", short_help="Show runs in one table.")(compare.compare)
-app.command("diff", short_help="Show where two runs part, and why.")(diff.diff)
-app.command("explain", short_help="Explain one decision.")(explain.explain)
+app.command("replay", rich_help_panel=RUN, short_help="Replay a sequence into a run folder.")(replay.replay)
+app.command("map", rich_help_panel=RUN, short_help="Map descriptors from anywhere.")(map_descriptors.map_descriptors)
+app.command("ablate", rich_help_panel=RUN, short_help="Sweep parameters: one row a run.")(ablate.ablate)
+app.command("localize", rich_help_panel=RUN, short_help="Find other images in a run's map.")(localize.localize)
+app.command("view", rich_help_panel=LOOK, short_help="Open runs in the Rerun viewer.")(view.view)
+app.command("explain", rich_help_panel=LOOK, short_help="Explain one decision.")(explain.explain)
+app.command("render", rich_help_panel=LOOK, short_help="Rebuild a run's recording.")(render.render)
+app.command("report", rich_help_panel=JUDGE, short_help="Draw figures and tables: one page.")(report.report)
+app.command("baseline", rich_help_panel=JUDGE, short_help="Cluster by other methods, same metrics.")(baseline.baseline)
+app.command("check", rich_help_panel=JUDGE, short_help="Guard results against a reference.")(check.check)
+app.command("compare", rich_help_panel=COMPARE, short_help="Show runs in one table.")(compare.compare)
+app.command("diff", rich_help_panel=COMPARE, short_help="Show where two runs part, and why.")(diff.diff)
+app.add_typer(dataset.app, name="dataset", rich_help_panel=DATA)
+app.command("describe", rich_help_panel=DATA, short_help="Write descriptors as a NumPy archive.")(describe.describe)
 app.command("parameters", short_help="List every parameter.")(parameters.parameters)
 app.command("doctor", short_help="Show and test the installation.")(doctor.doctor)
-app.add_typer(dataset.app, name="dataset")
 
 
 @app.callback(invoke_without_command=True)
@@ -92,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if code == INTERRUPTED:  # typer has caught the interrupt itself
             code = _fail("interrupted; what was computed so far is kept", INTERRUPTED)
     except TyperException as error:
-        code = _fail(error.format_message(), error.exit_code)
+        code = _fail(in_place_of(error, given) or error.format_message(), error.exit_code)
     except OmnievalError as error:
         if debug:
             raise

@@ -15,9 +15,17 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     help="Cards, downloads, checks, the synthetic building.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+@app.callback()
+def _root(ctx: typer.Context) -> None:
+    if ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help())
+
+
 Card = Annotated[str, typer.Argument(help="Name of a data card; see: omnieval dataset list.", metavar="CARD")]
 
 

@@ -13,6 +13,21 @@ if TYPE_CHECKING:
     from omnieval.material import Cut
     from omnieval.recording import RecordingOptions
 
+
+def _mappers(incomplete: str) -> list[str]:
+    """Return the names of mappers that begin so, for completion in a shell."""
+    from omnieval.components import known
+
+    return [name for name in known("mapper") if name.startswith(incomplete)]
+
+
+def _descriptors(incomplete: str) -> list[str]:
+    """Return the names of descriptors that begin so, for completion in a shell."""
+    from omnieval.components import known
+
+    return [name for name in known("descriptor") if name.startswith(incomplete)]
+
+
 Source = Annotated[
     str,
     typer.Argument(
@@ -42,6 +57,7 @@ MapperName = Annotated[
         "--mapper",
         help="Mapper: roman2020 (default), leader, package.module:Class or path/file.py:Class.",
         metavar="NAME",
+        autocompletion=_mappers,
     ),
 ]
 DescriptorName = Annotated[
@@ -50,6 +66,7 @@ DescriptorName = Annotated[
         "--descriptor",
         help="Descriptor: hog (default), gist, package.module:Class or path/file.py:Class.",
         metavar="NAME",
+        autocompletion=_descriptors,
     ),
 ]
 Topic = Annotated[str | None, typer.Option("--topic", help="Of a bag: the topic of the images.", metavar="NAME")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -89,6 +91,15 @@ def replay(
     print_run(run, json=json)
 
 
+def _next(run: Run) -> Iterator[tuple[str, str]]:
+    """Yield what one may want to do with a run."""
+    folder = shlex.quote(str(run.folder))
+    if run.recording.exists():
+        yield "next", f"omnieval view {folder}"
+    yield "next", f"omnieval explain {folder} --refused"
+    yield "next", f"omnieval report {folder}"
+
+
 def print_run(run: Run, *, json: bool) -> None:
     """Print what a run came to."""
     from omnieval.cli.console import note, print_fields, print_json
@@ -98,7 +109,7 @@ def print_run(run: Run, *, json: bool) -> None:
         print_json({"run": str(run.folder), **run.manifest})
     else:
         print(run.folder)
-        print_fields(summary_fields(run.manifest))
+        print_fields([*summary_fields(run.manifest), *_next(run)])
     if skipped := skipped_images(run.manifest):
         note(skipped)
     if (cache := run.manifest["cache"]) and cache["note"]:

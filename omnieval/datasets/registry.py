@@ -39,6 +39,9 @@ _SCANNERS = {
 }
 """Reader of each scheme, by its place, so that a reader is imported only when it is used."""
 
+RESULTS_MANIFEST = "run.json"
+"""What a folder of results holds, which is no sequence."""
+
 _WITHOUT_PATH = frozenset({"synthetic"})
 
 
@@ -238,6 +241,8 @@ def _scheme_of(root: Path) -> str | Finding:
     if cold.code == "several-sequences":
         return cold
     message = f"neither a COLD sequence nor images ({IMAGE_KINDS}) in it; {KNOWN_LAYOUTS}"
+    if RESULTS_MANIFEST in names:
+        message = f"a folder of results, not of images; `omnieval view {shown(str(root))}` shows a run"
     return Finding("error", "not-a-sequence", ROOT, message)
 
 

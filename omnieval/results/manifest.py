@@ -48,6 +48,8 @@ def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> d
         content = json.loads(path.read_text("utf-8"))
     except (FileNotFoundError, NotADirectoryError) as error:
         reason = f"it has no {MANIFEST}" if folder.is_dir() else "there is no such folder"
+        if folder.is_file():
+            reason = f"it is a file; name the folder, {folder.parent}"
         raise ResultError(f"{folder} is not {_folder_of(kind)}: {reason}") from error
     except (OSError, ValueError) as error:
         raise ResultError(f"cannot read {path}: {error}; run it again") from error

@@ -15,6 +15,13 @@ def refused(two_runs):
     return verdicts.index("prominence")
 
 
+def test_a_recording_and_a_run_folder_in_place_of_the_other_are_answered_with_the_right_one(two_runs):
+    result = in_process("explain", "a/replay.rrd", 3, cwd=two_runs)
+    assert (result.returncode, "it is a file; name the folder, a" in result.stderr) == (2, True)
+    result = in_process("replay", "a", cwd=two_runs)
+    assert (result.returncode, f"omnieval view {two_runs / 'a'}" in result.stderr) == (3, True)
+
+
 def test_a_refusal_is_explained_in_words_and_numbers(two_runs, refused):
     result = in_process("explain", "b", refused, cwd=two_runs)
     assert (result.returncode, result.stderr) == (0, "")

@@ -8,6 +8,12 @@ NOWHERE = "cold:nowhere"
 SLIPS = [
     # what is asked for                                                 what the one line must say
     (["replay", NOWHERE, "--set", "omgea=2"],                           "omgea"),
+    (["replay", NOWHERE, "--set", "omega=1,85"],                        "a number with a decimal point, got '1,85'"),
+    (["replay", NOWHERE, "--set", "n_new=2.5"],                         "n_new: expected a whole number, got '2.5'"),
+    (["replay", NOWHERE, "--omega", "1.85"],                            "of that name: --set omega=1.85"),
+    (["replay", NOWHERE, "--merge-y=2"],                                "--set merge_y=2"),
+    (["ablate", NOWHERE, "--bins", "--json"],                           "--set hog.bins=VALUE"),
+    (["view", "--omega", "2"],                                          "No such option: --omega"),
     (["replay", NOWHERE, "--config", "none.toml"],                      "none.toml"),
     (["replay", NOWHERE, "--preset", "paper"],                          "unknown preset"),
     (["replay", NOWHERE, "--descriptor", "hogg"],                       "did you mean hog?"),

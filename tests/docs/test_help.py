@@ -77,5 +77,25 @@ def test_a_shell_can_complete_commands_and_options():
     assert "complete -o default" in run(script(), _OMNIEVAL_COMPLETE="source_bash")
 
 
+def test_a_shell_can_complete_mappers_and_descriptors():
+    def completed(words):
+        count = str(len(words.split()) - 1)
+        return run(script(), _OMNIEVAL_COMPLETE="complete_bash", COMP_CWORD=count, COMP_WORDS=words).split()
+
+    assert completed("omnieval replay --mapper rom") == ["roman2020"]
+    assert "hog" in completed("omnieval describe --descriptor h")
+
+
+def test_who_types_nothing_is_told_what_there_is_and_what_to_try_first():
+    bare = run(sys.executable, "-m", "omnieval")
+    assert "  omnieval replay  " in bare.partition("Try first:")[2].splitlines()[1]
+    headings = [line.removesuffix(":") for line in bare.splitlines() if line.endswith(":") and not line.startswith(" ")]
+    assert headings == ["Options", "Try first", "Run", "Look", "Judge", "Compare", "Data", "More"]
+    root: Any = get_command(app)
+    listed = [line.split()[0] for line in bare.partition("\nRun:")[2].splitlines() if line.startswith("  ")]
+    assert set(root.commands) <= set(listed)
+    assert "synthesize" in run(sys.executable, "-m", "omnieval", "dataset")
+
+
 def test_the_package_runs_as_a_module():
     assert run(sys.executable, "-m", "omnieval", "--version").startswith("omnieval ")
