@@ -25,7 +25,7 @@ from omnieval.recording import RecordingOptions
 from omnieval.recording.compression import StepImages, step_images
 from omnieval.recording.recorder import Recorder, RecordingInfo
 from omnieval.recording.rerun_stream import leave_behind
-from omnieval.recording.viewport import extent_of
+from omnieval.recording.viewport import Extent, extent_of, origin_of
 from omnieval.results.summary import configuration_page, metrics_page
 
 _Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]
@@ -67,7 +67,8 @@ class RecordingSink:
         self.lacking: DatasetError | None = None
         self._pictures = material.pictures if options.images else None
         self._silhouette = SilhouetteSoFar(material.positions) if material.positions is not None else None
-        self._page = configuration_page(material.name, material.source, _parameters(material, method))
+        said = _parameters(material, method) | _far_away(material)
+        self._page = configuration_page(material.name, material.source, said)
         self._cells = material.cells
         self._recorder = Recorder(path, _info(material, method, self._page), options)
         self._patience = _PATIENCE_S if options.spawn or options.connect else None
@@ -187,8 +188,18 @@ def _info(material: Material, method: Method, page: str) -> RecordingInfo:
         cells=material.cells,
         description=page,
         properties={"source": material.source, **_parameters(material, method)},
-        extent=None if material.positions is None else extent_of(material.positions),
+        extent=_extent(material),
     )
+
+
+def _extent(material: Material) -> Extent | None:
+    return None if material.positions is None else extent_of(material.positions)
+
+
+def _far_away(material: Material) -> dict[str, object]:
+    """Return, as a parameter, what is subtracted from positions before they are drawn; nothing if that is nothing."""
+    x, y = origin_of(_extent(material))
+    return {"(0, 0) of the drawn map": f"({x:.0f}, {y:.0f}) m"} if x or y else {}
 
 
 def _parameters(material: Material, method: Method) -> dict[str, object]:

@@ -13,7 +13,7 @@ from omnieval.errors import OmnievalError, ResultError
 from omnieval.recording import entities
 from omnieval.recording.blueprint import build_blueprint
 from omnieval.recording.viewer import check_recording
-from omnieval.recording.viewport import extent_of
+from omnieval.recording.viewport import around, extent_of, origin_of
 from omnieval.results.run_folder import Run
 
 _SHOWN: WeakKeyDictionary[rerun.notebook.Viewer, rr.RecordingStream] = WeakKeyDictionary()
@@ -47,7 +47,8 @@ def show(run: Run, *, size: tuple[int, int] | None = None) -> rerun.notebook.Vie
     recording = rr.RecordingStream(
         entities.application_id(run.method), recording_id=shown.recording_id, send_properties=False
     )
-    extent = extent_of(run.steps.select("x", "y").to_numpy())
+    whole = extent_of(run.steps.select("x", "y").to_numpy())
+    extent = around(whole, origin_of(whole))
     # A viewer in a notebook leaves the blueprint of a file aside.
     blueprint = build_blueprint(run.method, steps, extent)
     width: int | Literal["auto"]

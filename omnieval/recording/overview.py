@@ -15,6 +15,7 @@ from omnieval.mapping.step import Role
 from omnieval.recording import entities
 from omnieval.recording.rows import NO_SEGMENTS, Arrow, Graph, Points, Row, Segments
 from omnieval.recording.styles import CLOSURES, FAINT_COLOR, ROLE_COLORS, WHITE, node_color
+from omnieval.recording.viewport import Origin
 
 _CLOSURES = {Role.JOINED: entities.MAP_ACCEPTED, Role.REFUSED: entities.MAP_REFUSED}
 """Where the line to the best match of an image goes, by what became of it."""
@@ -30,9 +31,15 @@ class Overview:
 
     All images with their colours are drawn anew only when labels have changed or after some sqrt(n) steps; in
     between, only the images since then. So a recording does not grow with the square of its steps.
+
+    Parameters
+    ----------
+    origin
+        What is subtracted from positions (`viewport.origin_of`), metres.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, origin: Origin = (0.0, 0.0)) -> None:
+        self._origin = origin
         self._positions = np.full((64, 2), np.nan)
         self._rooms = Rooms()
         self._last_drawn = 0
@@ -50,7 +57,7 @@ class Overview:
         if frame == len(self._positions):
             self._positions = np.concatenate([self._positions, np.full_like(self._positions, np.nan)])
         if pose is not None:
-            self._positions[frame] = pose.x, pose.y
+            self._positions[frame] = pose.x - self._origin[0], pose.y - self._origin[1]
         self._rooms.add(scene.image.room)
         labels = partition.labels
         rows = self._image_rows(frame, labels, relabelled=bool(scene.step.events))

@@ -29,7 +29,7 @@ from omnieval.recording.rerun_stream import Stream
 from omnieval.recording.rows import Picture, Row, State, Words
 from omnieval.recording.styles import EVENT_COLOR, lane_state, room_states, styles
 from omnieval.recording.viewer import check_viewer, start_viewer
-from omnieval.recording.viewport import Extent
+from omnieval.recording.viewport import Extent, around, origin_of
 
 
 @dataclass(frozen=True)
@@ -92,17 +92,19 @@ class Recorder:
         self._info = info
         self._options = options or RecordingOptions()
         viewer = self._viewer()
+        origin = origin_of(info.extent)
+        self._extent = around(info.extent, origin)
         self._stream = Stream(
             path,
             application_id=entities.application_id(info.method),
             recording_id=info.recording_id,
-            blueprint=build_blueprint(info.method, info.steps, info.extent),
+            blueprint=build_blueprint(info.method, info.steps, self._extent),
             viewer=viewer,
         )
         if viewer is not None:
-            self._stream.follow(build_blueprint(info.method, info.steps, info.extent, play="following"))
+            self._stream.follow(build_blueprint(info.method, info.steps, self._extent, play="following"))
         self._partition = Partition()
-        self._overview = Overview()
+        self._overview = Overview(origin)
         self._charts = Charts(info.method)
         self._facts = ImageFacts(info.method)
         self._final_labels: NDArray[np.int64] | None = None
@@ -212,7 +214,7 @@ class Recorder:
         info, stream = self._info, self._stream
         stream.name(info.name, info.properties)
         stream.static(entities.PAGE, rr.TextDocument(info.description, media_type=rr.MediaType.MARKDOWN))
-        for entity, value in styles(info.method, info.steps, info.extent):
+        for entity, value in styles(info.method, info.steps, self._extent):
             stream.static(entity, value)
 
     def _log_facts(self) -> None:

@@ -40,7 +40,7 @@ from omnieval.recording.styles import (
     room_states,
     state_style,
 )
-from omnieval.recording.viewport import Extent, extent_of
+from omnieval.recording.viewport import Extent, Origin, around, extent_of, origin_of
 from omnieval.results.atomic import replacing
 from omnieval.results.compare import Agreement, matched_nodes
 from omnieval.results.run_folder import Run
@@ -76,7 +76,9 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
     """
     runs = (one, other)
     count = len(agreement.verdicts)
-    extent = extent_of(one.steps.select("x", "y").to_numpy())
+    whole = extent_of(one.steps.select("x", "y").to_numpy())
+    origin = origin_of(whole)
+    extent = around(whole, origin)
     shown = next((gate for gate in plotted_gates(one.method) if gate in plotted_gates(other.method)), None)
     with replacing(path) as temporary:
         stream = Stream(
@@ -87,7 +89,7 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
         )
         try:
             stream.name(f"{one.folder.name} | {other.folder.name}", {"a": str(one.folder), "b": str(other.folder)})
-            sides = _record_steps(stream, runs, agreement, shown)
+            sides = _record_steps(stream, runs, agreement, shown, origin)
             rooms = one.steps["room"].drop_nulls().unique(maintain_order=True).to_list()
             stream.static(entities.LANE_ROOM, lambda: room_states(rooms))
             _log_styles(stream, count, extent, matched_nodes(*(side.labels for side in sides)))
@@ -101,11 +103,11 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
 class _Side:
     """One of the two runs, followed step by step."""
 
-    def __init__(self, root: str, lane: str, method: Method) -> None:
+    def __init__(self, root: str, lane: str, method: Method, origin: Origin) -> None:
         self._root = root
         self._lane = lane
         self._method = method
-        self._overview = Overview()
+        self._overview = Overview(origin)
         self._state: str | None = None
         self.partition = Partition()
 
@@ -126,10 +128,13 @@ class _Side:
         return found
 
 
-def _record_steps(stream: Stream, runs: tuple[Run, Run], agreement: Agreement, shown: Gate | None) -> list[_Side]:
+def _record_steps(
+    stream: Stream, runs: tuple[Run, Run], agreement: Agreement, shown: Gate | None, origin: Origin
+) -> list[_Side]:
     explainers = [RunExplainer(run) for run in runs]
     sides = [
-        _Side(root, lane, explainer.method) for root, lane, explainer in zip(_ROOTS, _LANES, explainers, strict=True)
+        _Side(root, lane, explainer.method, origin)
+        for root, lane, explainer in zip(_ROOTS, _LANES, explainers, strict=True)
     ]
     before: tuple[bool, bool] | None = None
     room: str | None = None

@@ -10,6 +10,13 @@ from numpy.typing import NDArray
 Extent = tuple[float, float, float, float]
 """(x min, y min, x max, y max) of the capture positions, metres."""
 
+Origin = tuple[float, float]
+"""Where the map has its (0, 0), metres."""
+
+_FAR = 10_000.0
+"""Coordinates up to which single precision keeps a millimetre, metres."""
+_GRID = 100.0
+"""What an origin is a multiple of, metres, so that one can do the sum in one's head."""
 _ASPECT = 2.0
 """Width over height of the map view."""
 _MARGIN = 0.06
@@ -69,6 +76,30 @@ def extent_of(positions: NDArray[np.float64]) -> Extent | None:
         return None
     (x_min, y_min), (x_max, y_max) = positions.min(axis=0).tolist(), positions.max(axis=0).tolist()
     return (x_min, y_min, x_max, y_max)
+
+
+def origin_of(extent: Extent | None) -> Origin:
+    """Return what is subtracted from positions before they are drawn: nothing, but of a place far from (0, 0).
+
+    Recordings are in single precision, which of coordinates such as UTM's would leave decimetres.
+
+    Examples
+    --------
+    >>> origin_of((-3.0, 0.0, 40.0, 9.0)), origin_of((465123.4, 5249321.0, 465170.2, 5249360.5))
+    ((0.0, 0.0), (465100.0, 5249300.0))
+    """
+    if extent is None or max(map(abs, extent)) <= _FAR:
+        return (0.0, 0.0)
+    x_min, y_min, x_max, y_max = extent
+    return (round((x_min + x_max) / 2 / _GRID) * _GRID, round((y_min + y_max) / 2 / _GRID) * _GRID)
+
+
+def around(extent: Extent | None, origin: Origin) -> Extent | None:
+    """Return an extent as seen from `origin`."""
+    if extent is None:
+        return None
+    (x, y), (x_min, y_min, x_max, y_max) = origin, extent
+    return (x_min - x, y_min - y, x_max - x, y_max - y)
 
 
 def map_window(extent: Extent) -> Window:

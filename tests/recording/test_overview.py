@@ -66,6 +66,15 @@ def test_nodes_stand_at_the_mean_of_their_images_and_transitions_join_them():
     assert rows[entities.MAP_TRANSITIONS].ends.tolist() == [[[1.0, 0.0], [4.0, 4.0]]]
 
 
+def test_positions_are_drawn_from_the_origin_of_the_map():
+    a_step = next(iter(steps(1)))
+    partition, overview = Partition(), Overview((465_100.0, 5_249_300.0))
+    partition.apply(a_step)
+    there = dataclasses.replace(scene(a_step), image=Frame(Path("a"), "a", pose=Pose(465_101.25, 5_249_302.5, 0.0)))
+    rows = by_entity(overview.rows(there, partition))
+    assert rows[entities.MAP_ROBOT].positions.tolist() == [[1.25, 2.5]]
+
+
 def test_an_image_without_position_does_not_move_its_node():
     positions = np.array([[0.0, 0.0], [np.nan, np.nan], [2.0, 0.0]])
     rows = by_entity(node_rows(np.array([1, 1, 1]), positions, frozenset(), [], rooms(*[None] * 3)))

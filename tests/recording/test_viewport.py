@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnieval.recording.viewport import extent_of, map_window
+from omnieval.recording.viewport import around, extent_of, map_window, origin_of
 
 SIZES = st.floats(0.0, 500.0)
 
@@ -30,6 +30,17 @@ def test_building_and_legend_are_inside_the_window_and_apart(width, height):
     assert window.y_min < legend[:, 1].max() < 0.0
     assert height < window.y_max
     assert window.x_min < legend[:, 0].min() < legend[:, 0].max() < window.x_max
+
+
+@pytest.mark.parametrize("far", [(0.0, 0.0), (465_123.4, 5_249_321.0), (-9_000.0, 20.0)])
+def test_what_is_drawn_keeps_its_millimetres_wherever_the_building_stands(far):
+    places = np.array([[0.0, 0.0], [0.001, 40.003], [25.0, -3.0]]) + far
+    origin = origin_of(extent_of(places))
+    drawn = (places - origin).astype(np.float32).astype(np.float64)
+    np.testing.assert_allclose(np.diff(drawn, axis=0), np.diff(places, axis=0), atol=1e-3)
+    assert max(far) > 10_000 or origin == (0.0, 0.0)
+    assert around(extent_of(places), origin) == extent_of(places - origin)
+    assert around(None, origin) is None
 
 
 def test_the_extent_is_that_of_all_positions_or_unknown():
