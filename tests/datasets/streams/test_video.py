@@ -15,7 +15,7 @@ FRAMES = 20
 
 @pytest.fixture
 def video(tmp_path):
-    levels = np.linspace(0, 250, FRAMES).astype(np.uint8)
+    levels = np.linspace(50, 250, FRAMES).astype(np.uint8)
     ramp = np.linspace(0, 1, 128)[None, :, None] * np.ones((32, 1, 3))
     return make_video(tmp_path / "my tour.mp4", [(ramp * level).astype(np.uint8) for level in levels])
 
