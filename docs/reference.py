@@ -1,6 +1,7 @@
 """Writes what pages say of declarations: ``python docs/reference.py``.
 
-``commands.md`` and ``parameters.md`` come from the command line; in ``columns.md``, what mappers declare.
+``commands.md`` and ``parameters.md`` come from the command line; in ``columns.md``, what mappers declare; in
+``metrics.md``, the catalogue of metrics.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typer.main import get_command
 from omnieval.cli import app, main
 from omnieval.components import BUILT_IN, find_class
 from omnieval.mapping.interface import Method
+from omnieval.metrics.catalogue import CATALOGUE
 
 HERE = Path(__file__).parent
 _MADE = "<!-- made by docs/reference.py -->"
@@ -78,9 +80,29 @@ def parameters() -> str:
 
 def columns() -> str:
     """Return the text of ``columns.md``, with what mappers declare written anew."""
-    before, _, rest = (HERE / "columns.md").read_text("utf-8").partition(_FROM)
-    after = rest.partition(_TO)[2]
-    return "\n".join([before + _FROM, "", *map(_declared, BUILT_IN["mapper"]), _TO + after])
+    return _renewed("columns", map(_declared, BUILT_IN["mapper"]))
+
+
+def metrics() -> str:
+    """Return the text of ``metrics.md``, with the catalogue written anew."""
+    groups = dict.fromkeys(metric.group for metric in CATALOGUE)
+    return _renewed("metrics", (_catalogued(group) for group in groups))
+
+
+def _renewed(page: str, parts: Iterable[str]) -> str:
+    """Return a page with other parts between the marks."""
+    before, _, rest = (HERE / f"{page}.md").read_text("utf-8").partition(_FROM)
+    return "\n".join([before + _FROM, "", *parts, _TO + rest.partition(_TO)[2]])
+
+
+def _catalogued(group: str) -> str:
+    """Return the metrics of a group."""
+    rows = [
+        (f"`{one.name}`", one.meaning, one.formula, one.better or "", f"{one.source}")
+        for one in CATALOGUE
+        if one.group == group
+    ]
+    return f"### {group.capitalize()}\n\n{_table(('metric', 'is', 'formula', 'better', 'source'), rows)}\n"
 
 
 def _declared(mapper: str) -> str:
@@ -169,5 +191,5 @@ def _escaped(text: str) -> str:
 
 
 if __name__ == "__main__":
-    for page in (columns, commands, parameters):
+    for page in (columns, commands, metrics, parameters):
         (HERE / f"{page.__name__}.md").write_text(page(), "utf-8")

@@ -24,6 +24,8 @@ from omnieval.config import Config, as_config, resolve
 from omnieval.errors import ConfigError
 from omnieval.material import Cut, Material, Source, opened, with_poses
 from omnieval.metrics.evaluation import evaluate
+from omnieval.metrics.ground import Ground
+from omnieval.metrics.quality import Making
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder
@@ -226,6 +228,8 @@ def _run(
     started = time.perf_counter()
     partition = order.method.prepare(images, order.similarity or "gaussian-median", max(order.ks, default=0), seed)
     shared = time.perf_counter() - started
+    times = [frame.time_ns for frame in material.frames]
+    ground = None if images.positions is None else Ground(images.positions, times)
     table = PARTITIONS.to_frame()
     reasons: dict[str, dict[str, None]] = {}
     asked = order.ks or (0,)
@@ -233,7 +237,17 @@ def _run(
         before = time.perf_counter()
         labels = partition(k)
         seconds = shared + time.perf_counter() - before
-        evaluation = evaluate(labels, None, images.positions, rooms=images.rooms, seed=seed, unposed=material.unposed)
+        evaluation = evaluate(
+            labels,
+            None,
+            images.positions,
+            rooms=images.rooms,
+            seed=seed,
+            unposed=material.unposed,
+            times=times,
+            making=Making.of_partition(labels, descriptors, ground),
+            ground=ground,
+        )
         for name, reason in evaluation.reasons.items():
             reasons.setdefault(name, {})[reason] = None
         made = {"dataset": material.name, "descriptor": material.descriptor.name, "method": order.name}

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from omnieval.components import Component
@@ -27,15 +28,17 @@ from omnieval.errors import ConfigError, ResultError
 from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.partition import Partition
-from omnieval.mapping.step import Step
+from omnieval.mapping.step import FinalMap, Step
 from omnieval.material import ARCHIVE, Cut, Material, Source, opened, with_poses
 from omnieval.metrics.evaluation import Evaluation, evaluate
+from omnieval.metrics.ground import THETAS, Ground
+from omnieval.metrics.quality import Making
 from omnieval.recording import RecordingOptions
 from omnieval.results.atomic import replacing
 from omnieval.results.map_file import MapWriter
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
 from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder
-from omnieval.results.tables import nodes_frame, step_row, transitions_frame, with_final_map
+from omnieval.results.tables import nodes_frame, quality_frame, step_row, transitions_frame, with_final_map
 
 if TYPE_CHECKING:
     from omnieval.sinks import RecordingSink
@@ -239,12 +242,15 @@ class _Trace:
 
     digests: list[str] = field(default_factory=list)
     positions: list[NDArray[np.float32]] = field(default_factory=list)
+    orientation_values: int = 0
+    judging: float = 0.0
     milliseconds: list[float] = field(default_factory=list)
     smallest_margin: dict[str, float | int | str] | None = None
 
     def add(self, described: DescribedFrame, step: Step, milliseconds: float) -> None:
         self.digests.append(described.digest)
         self.positions.append(described.description.position)
+        self.orientation_values = described.description.orientation.size
         self.milliseconds.append(milliseconds)
         margin = step.margin
         if margin and (self.smallest_margin is None or margin.value < float(self.smallest_margin["value"])):
@@ -279,21 +285,17 @@ def _run(
         if progress:
             progress(step.frame + 1, len(material.frames))
     final = mapper.finish()
-    rooms = [frame.room for frame in material.frames]
-    evaluation = evaluate(
-        final.labels,
-        final.placements,
-        material.positions,
-        rooms=rooms,
-        seed=config.seed,
-        unposed=material.unposed,
-    )
-    seconds = time.perf_counter() - started
     steps = with_final_map(writer.steps(), final)
+    positions = np.stack(trace.positions)
+    before = time.perf_counter()
+    evaluation = _judged(final, steps, positions, material, trace, config.seed)
+    trace.judging = time.perf_counter() - before
+    seconds = time.perf_counter() - started
     tables = {
         "steps": steps,
-        "nodes": nodes_frame(steps, final, np.stack(trace.positions)),
+        "nodes": nodes_frame(steps, final, positions),
         "transitions": transitions_frame(final),
+        "quality": quality_frame(evaluation.measures),
     }
     outcome = _outcome(material, config.mapper, trace, evaluation, seconds)
     if atlas:
@@ -305,6 +307,31 @@ def _run(
     sink.finish(final, evaluation)
     sink.close()
     return writer.annotate({"recording_failure": sink.failure})
+
+
+def _judged(
+    final: FinalMap,
+    steps: pl.DataFrame,
+    descriptors: NDArray[np.float32],
+    material: Material,
+    trace: _Trace,
+    seed: int,
+) -> Evaluation:
+    times = [frame.time_ns for frame in material.frames]
+    ground = None if material.positions is None else Ground(material.positions, times)
+    online = steps["node"].fill_null(0).cast(pl.Int64).to_numpy()
+    return evaluate(
+        final.labels,
+        final.placements,
+        material.positions,
+        rooms=[frame.room for frame in material.frames],
+        seed=seed,
+        unposed=material.unposed,
+        times=times,
+        making=Making.of_mapper(final, online, descriptors, trace.orientation_values, ground),
+        thetas=THETAS,
+        ground=ground,
+    )
 
 
 def _steps(mapper: Mapper, material: Material) -> Iterator[tuple[Frame, DescribedFrame, Step, float]]:
@@ -366,5 +393,9 @@ def _outcome(
             "frames_per_second": len(material.frames) / seconds,
             "step_milliseconds_median": statistics.median(trace.milliseconds),
             "step_milliseconds_max": max(trace.milliseconds),
+            "judging_seconds": trace.judging,
+            "upkeep_ms_mean": statistics.fmean(trace.milliseconds),
+            "upkeep_ms_median": statistics.median(trace.milliseconds),
+            "upkeep_ms_p99": float(np.percentile(trace.milliseconds, 99)),
         },
     }

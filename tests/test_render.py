@@ -90,7 +90,7 @@ def test_a_recording_made_again_says_what_that_of_the_replay_says(panoramas, tmp
     assert digest(run.recording) == first
     assert said == []
     assert sorted(path.name for path in run.folder.iterdir()) == sorted(
-        ["run.json", "replay.rrd", "steps.parquet", "nodes.parquet", "transitions.parquet"]
+        ["run.json", "replay.rrd", "steps.parquet", "nodes.parquet", "transitions.parquet", "quality.parquet"]
     )
 
 

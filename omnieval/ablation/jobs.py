@@ -20,7 +20,7 @@ from omnieval.errors import ConfigError
 from omnieval.imaging.soundness import BadImage
 from omnieval.mapping.interface import Method
 from omnieval.material import Cut, Material, Source
-from omnieval.metrics.evaluation import evaluate
+from omnieval.metrics.silhouette import silhouettes
 from omnieval.results.atomic import replacing
 from omnieval.results.provenance import dataset_fingerprint
 
@@ -127,6 +127,11 @@ class Described:
         """Room label of every image."""
         return [frame.room for frame in self.frames]
 
+    @property
+    def times(self) -> list[int | None]:
+        """When every image was taken, nanoseconds."""
+        return [frame.time_ns for frame in self.frames]
+
     def load(self, name: str) -> NDArray[np.float32]:
         """Return ``position`` or ``orientation``; the pages are shared by all processes that read them."""
         array: NDArray[np.float32] = np.load(self.folder / f"{name}.npy", mmap_mode="r")
@@ -176,14 +181,14 @@ def batch_silhouettes(described: Described, ks: list[int], seed: int) -> dict[in
         If there are too many images for a matrix of all pairs.
     """
     usable = [k for k in ks if k > 1]
-    silhouettes: dict[int, float | None] = dict.fromkeys(ks)
+    found: dict[int, float | None] = dict.fromkeys(ks)
     if described.positions is None or not usable:
-        return silhouettes
+        return found
     if fault := too_many(len(described.frames)):
         raise ConfigError(fault)
     embedding = spectral_embedding(similarity_matrix(described.load("position"), "gaussian-median"), max(usable))
     for k in usable:
         labels = embedding.cluster(k, seed=seed)
-        evaluation = evaluate(labels, None, described.positions, rooms=None, seed=seed)
-        silhouettes[k] = evaluation.metrics["silhouette"]
-    return silhouettes
+        if len(np.unique(labels)) > 1:
+            found[k] = silhouettes(described.positions, labels).silhouette
+    return found

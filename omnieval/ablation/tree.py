@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from omnieval.ablation.jobs import Described, Job, failed_row
@@ -24,9 +25,14 @@ from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import FinalMap, Margin, Step, smallest_margin
 from omnieval.mapping.sweep import Interval, Outcome, Points, Sweep
 from omnieval.metrics.evaluation import Evaluation, evaluate
+from omnieval.metrics.ground import Ground
+from omnieval.metrics.quality import Making
 from omnieval.results.atomic import write_table
 from omnieval.results.tables import step_row, steps_frame, with_final_map
 from omnieval.source_code import digest_of
+
+_Mapped = tuple[str, FinalMap, NDArray[np.int64], float]
+"""Whose map, the map, the node of each image after its own step, and the seconds."""
 
 LARGEST = 64
 """Jobs of one tree, so that a kill loses no more than these; sharing among more saves little."""
@@ -125,9 +131,11 @@ def _rows(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, P
     traces = _Traces(described, frozenset(_key(job) for job in jobs if job.number in steps_files))
     judged = _Judge(described)
     branching = issubclass(jobs[0].config.mapper.cls, BranchingMapper)
-    for key, final, seconds in (_swept if branching else _alone)({key: some[0] for key, some in of.items()}, traces):
+    for key, final, online, seconds in (_swept if branching else _alone)(
+        {key: some[0] for key, some in of.items()}, traces
+    ):
         for job in of[key]:
-            metrics, judging = judged(final, job.config.seed)
+            metrics, judging = judged(final, online, job.config.seed)
             row = job.origin | metrics | traces.margin(key)
             row |= {"seconds": seconds + judging, "error": None}
             columns = getattr(job.config.mapper.cls, "columns", ())
@@ -138,7 +146,7 @@ def _key(job: Job) -> str:
     return digest_of(job.config.mapper.identity)
 
 
-def _swept(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalMap, float]]:
+def _swept(of: Mapping[str, Job], traces: _Traces) -> Iterator[_Mapped]:
     """Map with many settings of one mapper, in a tree; yield what each came to, and the seconds it took."""
     mapper = next(iter(of.values())).config.mapper.cls
     settings = {key: job.config.mapper.typed_settings for key, job in of.items()}
@@ -153,14 +161,15 @@ def _swept(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalM
         before = time.perf_counter()
     for outcome in sweep.finish():
         for one in outcome.region.settings:
-            yield keys[id(one)], outcome.final, outcome.seconds
+            yield keys[id(one)], outcome.final, outcome.online, outcome.seconds
 
 
-def _alone(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalMap, float]]:
+def _alone(of: Mapping[str, Job], traces: _Traces) -> Iterator[_Mapped]:
     """Map with a mapper that does not branch, one setting after the other; see `_swept`."""
     for key, job in of.items():
         mapper = job.config.mapper.fresh()
         expect = getattr(mapper, "expect", None)
+        online: list[int] = []
         started = time.perf_counter()
         for block in blocks(traces.described.descriptions(), AHEAD):
             if expect:
@@ -168,9 +177,10 @@ def _alone(of: Mapping[str, Job], traces: _Traces) -> Iterator[tuple[str, FinalM
             for description in block:
                 before = time.perf_counter()
                 step = mapper.step(description)
+                online.append(step.node or 0)
                 traces.add(key, None, step, 1e3 * (time.perf_counter() - before))
         final = mapper.finish()
-        yield key, final, time.perf_counter() - started
+        yield key, final, np.array(online, np.int64), time.perf_counter() - started
 
 
 def _kept(
@@ -202,7 +212,7 @@ def _pieces(job: Job, described: Described) -> Iterator[dict[str, Any]]:
         pass
     judged = _Judge(described)
     for outcome, low, high in _joined(sweep.finish()):
-        metrics, seconds = judged(outcome.final, job.config.seed)
+        metrics, seconds = judged(outcome.final, outcome.online, job.config.seed)
         yield (
             job.origin
             | metrics
@@ -219,8 +229,12 @@ def _pieces(job: Job, described: Described) -> Iterator[dict[str, Any]]:
 
 def _joined(outcomes: Iterable[Outcome[Interval]]) -> Iterator[tuple[Outcome[Interval], float, float]]:
     """Yield the pieces of an interval, neighbours with the same map as one."""
+
+    def came_to(outcome: Outcome[Interval]) -> tuple[Any, ...]:
+        return outcome.final.labels.tolist(), outcome.final.placements, outcome.online.tolist()
+
     ordered = sorted(outcomes, key=lambda outcome: outcome.region.low)
-    for _, group in groupby(ordered, key=lambda outcome: (outcome.final.labels.tolist(), outcome.final.placements)):
+    for _, group in groupby(ordered, key=came_to):
         pieces = list(group)
         yield pieces[0], pieces[0].region.low, pieces[-1].region.high
 
@@ -230,13 +244,24 @@ class _Judge:
 
     def __init__(self, described: Described) -> None:
         self._described = described
+        self._ground = None if described.positions is None else Ground(described.positions, described.times)
         self._known: dict[Any, Evaluation] = {}
 
-    def __call__(self, final: FinalMap, seed: int) -> tuple[dict[str, Any], float]:
+    def __call__(self, final: FinalMap, online: NDArray[np.int64], seed: int) -> tuple[dict[str, Any], float]:
         """Return the metrics of a map and the seconds they took."""
         started = time.perf_counter()
-        key = final.labels.tobytes(), final.placements, seed
+        key = final.labels.tobytes(), final.placements, final.representatives.tobytes(), online.tobytes(), seed
         if key not in self._known:
-            images = self._described
-            self._known[key] = evaluate(final.labels, final.placements, images.positions, rooms=images.rooms, seed=seed)
+            images, ground = self._described, self._ground
+            orientation_values = math.prod(images.load("orientation").shape[1:])
+            self._known[key] = evaluate(
+                final.labels,
+                final.placements,
+                images.positions,
+                rooms=images.rooms,
+                seed=seed,
+                times=images.times,
+                making=Making.of_mapper(final, online, images.load("position"), orientation_values, ground),
+                ground=ground,
+            )
         return self._known[key].metrics, time.perf_counter() - started

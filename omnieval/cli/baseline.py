@@ -9,7 +9,10 @@ import typer
 
 from omnieval.cli import options
 
-_SHOWN = ("k", "nodes", "silhouette", "silhouette_time_slices", "silhouette_positions", "rooms_ari", "rooms_nmi")
+_SHOWN = (
+    *("k", "nodes", "silhouette", "silhouette_time_slices", "silhouette_positions"),
+    *("pair_f1", "reentry_f1_final", "false_merge_share", "rooms_ari", "rooms_nmi"),
+)
 _SHOWN_LAST = ("rooms_purity", "share_unassigned", "seconds")
 
 

@@ -16,6 +16,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from omnieval.descriptors.description import Description
@@ -117,6 +119,9 @@ class Interval:
         return dataclasses.replace(self, low=low, high=high), rest
 
 
+Trail = tuple[int | None, "Trail | None"]
+
+
 @dataclass
 class Branch(Generic[R]):
     """Configurations that have gone the same way so far.
@@ -129,11 +134,14 @@ class Branch(Generic[R]):
         Theirs.
     seconds
         What each of them has cost: the time of a step is divided among those who took it.
+    trail
+        The node after the last step, None where none, and the trail before; None before the first.
     """
 
     region: R
     mapper: BranchingMapper
     seconds: float = 0.0
+    trail: Trail | None = None
 
 
 class Sweep(Generic[R]):
@@ -193,7 +201,7 @@ class Sweep(Generic[R]):
                     if frame in leftovers[number]:
                         placings[number] = _place(branch.mapper, frame, placings[number])
         return [
-            Outcome(placing.region, branch.mapper.finish(placing.placed), placing.seconds)
+            Outcome(placing.region, branch.mapper.finish(placing.placed), placing.seconds, _walked(branch.trail))
             for branch, ways in zip(self._branches, placings, strict=True)
             for placing in ways
         ]
@@ -228,11 +236,14 @@ class Outcome(Generic[R]):
         The partition.
     seconds
         What it cost each of them.
+    online
+        Node that each image had after its own step, 0 where none, shape (n,).
     """
 
     region: R
     final: FinalMap
     seconds: float
+    online: NDArray[np.int64]
 
 
 def _decide(branch: Branch[R], frame: int) -> Iterator[tuple[Branch[R], Step]]:
@@ -246,7 +257,17 @@ def _decide(branch: Branch[R], frame: int) -> Iterator[tuple[Branch[R], Step]]:
         step = mapper.decide(frame)
         alike, others = region.split(step.comparisons)
         waiting += others
-        yield Branch(alike, mapper, branch.seconds + (time.perf_counter() - started) / alike.count), step
+        seconds = branch.seconds + (time.perf_counter() - started) / alike.count
+        yield Branch(alike, mapper, seconds, (step.node, branch.trail)), step
+
+
+def _walked(trail: Trail | None) -> NDArray[np.int64]:
+    """Return the nodes along a trail, 0 where none."""
+    nodes = []
+    while trail is not None:
+        node, trail = trail
+        nodes.append(node or 0)
+    return np.array(nodes[::-1], np.int64)
 
 
 @dataclass

@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 from omnieval.baselines.controls import position_clusters, time_slices
 from omnieval.mapping.step import Placement
 from omnieval.metrics.agreement import RoomAgreement, room_agreement
+from omnieval.metrics.catalogue import CATALOGUE, METRICS, THETA
+from omnieval.metrics.ground import Clock, Ground
+from omnieval.metrics.quality import Making, Measure, measure
 from omnieval.metrics.silhouette import Silhouettes, posed, silhouettes
+
+__all__ = ["METRICS", "Evaluation", "evaluate"]
 
 _SHARES = {
     "share_assigned": Placement.LOOP_CLOSURE,
@@ -26,19 +31,19 @@ _SHARES = {
 _SILHOUETTES = tuple(field.name for field in dataclasses.fields(Silhouettes))
 _CONTROLS = ("silhouette_time_slices", "silhouette_positions")
 _AGREEMENT = tuple(field.name for field in dataclasses.fields(RoomAgreement))
-
-COUNTS = ("nodes", "posed", "labelled")
-"""The metrics that are whole numbers."""
-METRICS = (*COUNTS, *_SHARES, *_SILHOUETTES, *_CONTROLS, *_AGREEMENT)
-"""The names of all metrics, in the order of `Evaluation.metrics`."""
+_NOT_MADE = Making()
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Metrics by name; `reasons` says of each null one why it has no value."""
+    """Metrics by name; `reasons` says of each null one why it has no value.
+
+    `measures` are those of the map's quality at every distance that was asked for.
+    """
 
     metrics: dict[str, float | int | None]
     reasons: dict[str, str]
+    measures: tuple[Measure, ...] = ()
 
 
 def evaluate(
@@ -49,6 +54,10 @@ def evaluate(
     rooms: Sequence[str | None] | None,
     seed: int,
     unposed: str | None = None,
+    times: Sequence[int | None] | None = None,
+    making: Making = _NOT_MADE,
+    thetas: Sequence[float] = (THETA,),
+    ground: Ground | None = None,
 ) -> Evaluation:
     """Judge a partition of a sequence.
 
@@ -70,24 +79,47 @@ def evaluate(
         Root seed of the k-means control.
     unposed
         Why no position is known; default: that the sequence has no poses.
+    times
+        Nanoseconds at which each image was taken, None where unknown, length n; None if all are unknown.
+    making
+        How the map came about, for what the partition does not tell.
+    thetas
+        Distances within which images lie at one place, metres, for `Evaluation.measures`; `THETA` among them.
+    ground
+        What follows from positions and times, computed once for many maps; default: computed anew.
     """
     nodes = len(np.unique(labels[labels > 0]))
-    located = 0 if positions is None else int(posed(positions).sum())
+    why = unposed or "the sequence has no poses"
+    if ground is None and positions is not None:
+        ground = Ground(positions, times)
+    located = 0 if ground is None else len(ground)
     labelled = sum(room is not None for room in rooms or ())
+    measures = measure(
+        labels, ground if ground is not None and located else why, rooms, Clock.of(times, len(labels)), making, thetas
+    )
     parts = (
         Evaluation({"nodes": nodes, "posed": located, "labelled": labelled}, {}),
         _shares(labels, placements),
         _silhouettes(labels, positions, nodes, seed)
         if positions is not None and located
-        else _null((*_SILHOUETTES, *_CONTROLS), unposed or "the sequence has no poses"),
+        else _null((*_SILHOUETTES, *_CONTROLS), why),
         _agreement(labels, rooms),
+        _at_theta(measures),
     )
     metrics: dict[str, float | int | None] = {}
     reasons: dict[str, str] = {}
     for part in parts:
         metrics |= part.metrics
         reasons |= part.reasons
-    return Evaluation(metrics, reasons)
+    return Evaluation({name: metrics[name] for name in METRICS}, reasons, measures)
+
+
+def _at_theta(measures: Sequence[Measure]) -> Evaluation:
+    """Return the measures that are metrics by themselves."""
+    found = {(one.metric, one.theta): one for one in measures}
+    chosen = {metric.name: found[metric.of, metric.at] for metric in CATALOGUE if metric.of is not None}
+    reasons = {name: one.reason for name, one in chosen.items() if one.reason is not None}
+    return Evaluation({name: one.value for name, one in chosen.items()}, reasons)
 
 
 def _shares(labels: NDArray[np.int64], placements: Sequence[Placement] | None) -> Evaluation:

@@ -45,7 +45,7 @@ from tomlkit.items import AoT, Table
 from omnieval.config import Config, Setting, resolve
 from omnieval.errors import ConfigError, RegressionError
 from omnieval.material import Cut
-from omnieval.metrics.evaluation import METRICS
+from omnieval.metrics.catalogue import BY_NAME, METRICS
 from omnieval.results.atomic import replacing
 from omnieval.wording import did_you_mean
 
@@ -284,6 +284,11 @@ def _case(table: dict[str, Any], path: Path) -> Case:
         if name not in METRICS:
             hint = did_you_mean(name, METRICS)
             raise ConfigError(f"{path}: case {table.get('name')} guards the unknown metric {name!r}; {hint}")
+    # Which way is better need not be said.
+    guards = {
+        name: {"better": BY_NAME[name].better or "higher", **guard} if isinstance(guard, dict) else guard
+        for name, guard in guards.items()
+    }
     nodes = {"nodes": expected["nodes"]} if "nodes" in expected else {}
     try:
         return Case.model_validate({**table, **nodes, "guards": guards})

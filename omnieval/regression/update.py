@@ -13,6 +13,7 @@ from omnieval.config import resolve
 from omnieval.errors import OmnievalError, ResultError
 from omnieval.loop import run_name
 from omnieval.material import ARCHIVE, reopened
+from omnieval.metrics.catalogue import BY_NAME
 from omnieval.regression.cases import (
     Job,
     Progress,
@@ -33,21 +34,16 @@ from omnieval.wording import safe_name
 NODES_EITHER_WAY = 1
 DECIMALS = 6
 """Of the values written; far below any tolerance, and quiet about the last bits of a sum."""
-TOLERANCES = {"silhouette": 0.02, "share": 0.05, "rooms": 0.05}
+TOLERANCES = {"silhouette": 0.02, "share": 0.05, "rooms": 0.05, "pair": 0.05, "reentry": 0.05}
 """Default tolerance by the first word of a metric."""
-GUARDED = {
-    "silhouette": "higher",
-    "silhouette_image": "higher",
-    "silhouette_literal": "higher",
-    "silhouette_sq": "higher",
-    "share_assigned": "higher",
-    "share_forced": "lower",
-    "share_unassigned": "lower",
-    "rooms_ari": "higher",
-    "rooms_nmi": "higher",
-}
-"""What a new case guards, and which way is better. The other shares are neither; the controls are no property of the
-map; homogeneity, completeness and purity rise or fall with the number of nodes."""
+GUARDED = (
+    *("silhouette", "silhouette_image", "silhouette_literal", "silhouette_sq"),
+    *("share_assigned", "share_forced", "share_unassigned"),
+    *("rooms_ari", "rooms_nmi"),
+    *("pair_f1", "reentry_f1"),
+)
+"""What a new case guards; any other metric can be written into it. Of the other shares neither way is better; the
+controls are no property of the map; homogeneity, completeness and purity rise or fall with the number of nodes."""
 
 
 @dataclass(frozen=True)
@@ -233,13 +229,13 @@ def _guards(old: Case | None, run: Run) -> dict[str, Guard]:
     return {
         name: guard.model_copy(update={"value": round(float(value), DECIMALS)})
         for name, guard in guards.items()
-        if (value := run.metrics[name]) is not None
+        if (value := run.metrics.get(name)) is not None
     }
 
 
 def _default_guard(name: str) -> Guard:
     return Guard.model_validate(
-        {"value": 0.0, "tolerance": TOLERANCES[name.partition("_")[0]], "better": GUARDED[name]}
+        {"value": 0.0, "tolerance": TOLERANCES[name.partition("_")[0]], "better": BY_NAME[name].better}
     )
 
 

@@ -12,6 +12,7 @@ from omnieval.report.batch import batch_figure, recorded
 from omnieval.report.figure import Block, Content, Figure, Section, Skipped, Table
 from omnieval.report.heatmaps import sweep_figures
 from omnieval.report.pieces import pieces_figures
+from omnieval.report.quality import quality_table
 from omnieval.report.replays import DrawnReplay, attempted, draw_replay, drawn_or_skipped
 from omnieval.report.sources import Baseline, Replay, Sources, Sweep
 from omnieval.report.tables import batch_table, best_table, partitions_table, summary_table
@@ -129,7 +130,8 @@ def _replay_section(replay: Replay, blocks: tuple[Block, ...]) -> Section:
         "parameters": _parameter_words(replay.config.settings),
         **_origin(replay.facts),
     }
-    return Section(replay.title, tuple(facts.items()), blocks)
+    judged = None if replay.run is None else quality_table(replay.run)
+    return Section(replay.title, tuple(facts.items()), blocks if judged is None else (*blocks, judged))
 
 
 def _parameter_words(parameters: Mapping[str, Any]) -> str:

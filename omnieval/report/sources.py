@@ -18,7 +18,7 @@ from omnieval.config import Config
 from omnieval.errors import ResultError
 from omnieval.mapping.interface import Method
 from omnieval.material import Cut, Material, described_again, held_against, opened, reopened
-from omnieval.metrics.evaluation import METRICS
+from omnieval.metrics.catalogue import METRICS
 from omnieval.results.manifest import MANIFEST, kind_of, read_manifest, status_of
 from omnieval.results.run_folder import Run, method_of, open_run
 from omnieval.source_code import digest_of
@@ -332,7 +332,7 @@ def _kept_replays(folder: Path, manifest: Mapping[str, Any], table: pl.DataFrame
                 method=method_of(about),
                 status="complete",
                 steps=_table(steps),
-                metrics={name: row[name] for name in METRICS},
+                metrics={name: row.get(name) for name in METRICS},
                 facts=_facts(manifest)
                 | {"dataset_fingerprint": prints.get(row["source"]), "dataset_fingerprints": None},
                 skip_bad="skipped" in grid,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from omnieval.config import flattened
 from omnieval.errors import ConfigError
 from omnieval.mapping.partition import Partition
+from omnieval.metrics.catalogue import TELLING, UPKEEP
 from omnieval.results.run_folder import Run
 from omnieval.results.tables import read_steps
 from omnieval.wording import did_you_mean, shown
@@ -150,6 +151,9 @@ def first_difference(one: Run, other: Run) -> Difference | None:
 def compare(runs: Sequence[Run], columns: Sequence[str] | None = None) -> pl.DataFrame:
     """Return one row a run: its folder, all in which the runs differ that determines them, and all metrics.
 
+    The most telling metrics come first. The time of the mapper for an image (`catalogue.UPKEEP`) is there if it is
+    named.
+
     Parameters
     ----------
     runs
@@ -172,13 +176,15 @@ def compare(runs: Sequence[Run], columns: Sequence[str] | None = None) -> pl.Dat
             "source": run.manifest["source"],
             "status": run.status,
             **{name: _text(one.get(name)) for name in (varied if columns is None else names)},
+            **{name: run.metrics[name] for name in TELLING if name in run.metrics},
             **run.metrics,
+            **{name: run.manifest["timings"][name] for name in UPKEEP if name in run.manifest.get("timings", {})},
         }
         for run, one in zip(runs, settings, strict=True)
     ]
     table = pl.DataFrame(rows, infer_schema_length=None)
     if columns is None:
-        return table
+        return table.drop(UPKEEP, strict=False)
     for name in columns:
         if name not in table.columns:
             raise ConfigError(f"runs have no column {shown(name)}; {did_you_mean(name, table.columns)}")

@@ -4,6 +4,7 @@
     steps.parquet         one row a frame: every decision and its evidence
     nodes.parquet         one row a node
     transitions.parquet   edges of the topological map
+    quality.parquet       metrics of the map at every distance, with counts and intervals
     map.npz, map.json     the map with the descriptions of its images (`results.map_file`)
     replay.rrd            the recording for the Rerun viewer
     parts/                steps so far, while the run is under way
@@ -42,7 +43,7 @@ from omnieval.wording import counted, safe_name
 KIND = "replay"
 RECORDING = "replay.rrd"
 PARTIAL_RECORDING = "replay.partial.rrd"
-TABLES = ("steps", "nodes", "transitions")
+TABLES = ("steps", "nodes", "transitions", "quality")
 _PARTS = "parts"
 _PART = "steps-*.parquet"
 _PART_ROWS = 250
@@ -134,6 +135,11 @@ class Run:
             If the run has none, or it is damaged.
         """
         return load_map(self.folder)
+
+    @property
+    def quality(self) -> pl.DataFrame:
+        """One row a metric of the map's quality and distance (`schemas.QUALITY`)."""
+        return self._table("quality")
 
     @property
     def metrics(self) -> dict[str, float | int | None]:

@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 
 from omnieval.mapping.interface import Column
 from omnieval.mapping.step import EventKind, Placement, Role
-from omnieval.metrics.evaluation import COUNTS, METRICS
+from omnieval.metrics.catalogue import CATALOGUE
 
 SCHEMA_VERSION = 3
 
@@ -110,7 +110,23 @@ box of those of its images that have a position (metres), `representative` the m
 TRANSITIONS = table_schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
 """The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""
 
-_METRICS: dict[str, type[pl.DataType]] = {name: pl.Int32 if name in COUNTS else pl.Float64 for name in METRICS}
+QUALITY = _schema(
+    {
+        "metric": pl.String,
+        "theta": pl.Float64,
+        "value": pl.Float64,
+        "count": pl.Int64,
+        "low": pl.Float64,
+        "high": pl.Float64,
+        "reason": pl.String,
+    }
+)
+"""One row a metric and distance (`metrics.quality.Measure`)."""
+
+_METRICS: dict[str, type[pl.DataType]] = {
+    metric.name: pl.Float64 if not metric.whole else pl.Int64 if metric.unit == "bytes" else pl.Int32
+    for metric in CATALOGUE
+}
 
 PARTITIONS = table_schema(
     {

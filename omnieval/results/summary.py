@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from omnieval.imaging.soundness import BadImage, in_words
+from omnieval.metrics.catalogue import THETA
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.palette import node_color
 from omnieval.results.manifest import status_of
@@ -36,6 +37,7 @@ def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "  true positions", _value(metrics["silhouette_positions"], reasons.get("silhouette_positions"))
     if part := _part(metrics.get("posed"), manifest["frames"], "have a position: silhouettes are over these"):
         yield "  images", part
+    yield from _known_again(metrics, reasons)
     if metrics["rooms_ari"] is not None:
         yield "room labels", f"ARI {metrics['rooms_ari']:.3f}, purity {metrics['rooms_purity']:.3f}"
         if part := _part(metrics.get("labelled"), manifest["frames"], "have a label: agreement is over these"):
@@ -51,6 +53,39 @@ def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "images placed", ", ".join(f"{100 * (metrics[name] or 0):.1f} % {words}" for words, name in shares.items())
     if margin := manifest["smallest_margin"]:
         yield "smallest margin", f"{margin['value']:.2g} at frame {margin['frame']} ({margin['gate']})"
+
+
+def _known_again(metrics: Mapping[str, Any], reasons: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Say what a robot can do with the map, as far as it was judged."""
+    if "pair_f1" not in metrics:
+        return
+    pairs, returns = metrics["pair_f1"], metrics["reentry_f1"]
+    split = _percent(metrics["false_merge_share"])
+    yield (
+        "places",
+        f"none: {reasons['pair_f1']}"
+        if pairs is None
+        else f"F1 {pairs:.3f}: {_percent(metrics['pair_precision'])} of the pairs in one node are within {THETA:g} m, "
+        f"{_percent(metrics['pair_recall'])} of those within {THETA:g} m in one node; {split} of nodes in two places",
+    )
+    yield (
+        "returns",
+        f"none: {reasons['reentry_f1']}"
+        if returns is None
+        else f"F1 {returns:.3f}: {_percent(metrics['reentry_precision'])} of re-entries are right, "
+        f"{_percent(metrics['reentry_recall'])} of returns to a place are known at once",
+    )
+    stretch = [metrics[f"stretch_{what}"] for what in ("median", "p5", "p95")]
+    yield (
+        "ways",
+        f"none: {reasons['stretch_median']}"
+        if None in stretch
+        else "{:.2f} of the true way (90 % from {:.2f} to {:.2f}); far below 1 is through a wall".format(*stretch),
+    )
+
+
+def _percent(share: float | None) -> str:
+    return "none" if share is None else f"{100 * share:.0f} %"
 
 
 def skipped_images(manifest: Mapping[str, Any]) -> str | None:

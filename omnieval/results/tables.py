@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.mapping.interface import Column
 from omnieval.mapping.partition import Partition, count_transitions
+from omnieval.mapping.representative import representative_frames
 from omnieval.mapping.step import (
     Comparison,
     EventKind,
@@ -24,7 +26,8 @@ from omnieval.mapping.step import (
     Role,
     Step,
 )
-from omnieval.results.schemas import NODES, PLACEMENT, TRANSITIONS, steps_schema
+from omnieval.metrics.quality import Measure
+from omnieval.results.schemas import NODES, PLACEMENT, QUALITY, TRANSITIONS, steps_schema
 
 _NO_PATH = Path()
 """Of a frame that is read back from a table: its image is not known."""
@@ -147,6 +150,7 @@ def nodes_frame(
         Position descriptors of all images, shape (n, d).
     """
     history = _history(steps)
+    representing = representative_frames(final.labels, final.nodes, final.representatives, descriptors)
     positions = steps.select("x", "y").to_numpy()
     rooms = steps["room"].to_list()
     rows = []
@@ -160,7 +164,7 @@ def nodes_frame(
                 "images": len(frames),
                 "rooms": _room_shares([rooms[frame] for frame in frames]),
                 "representative": representative.tolist(),
-                "representative_frame": _nearest(frames, descriptors, representative),
+                "representative_frame": representing[node],
             }
         rows.append(dict.fromkeys(NODES) | row)
     return pl.DataFrame(rows, schema=NODES)
@@ -170,6 +174,11 @@ def transitions_frame(final: FinalMap) -> pl.DataFrame:
     """Return the transitions table of the final map."""
     edges = sorted(count_transitions(final.labels).items())
     return pl.DataFrame([(a, b, count) for (a, b), count in edges], schema=TRANSITIONS, orient="row")
+
+
+def quality_frame(measures: Iterable[Measure]) -> pl.DataFrame:
+    """Return the quality table of a map."""
+    return pl.DataFrame([dataclasses.astuple(one) for one in measures], schema=QUALITY, orient="row")
 
 
 def comparison_row(one: Comparison) -> dict[str, Any]:
@@ -225,12 +234,3 @@ def _room_shares(rooms: Sequence[str | None]) -> list[dict[str, Any]]:
     counted = Counter(room for room in rooms if room is not None)
     ordered = sorted(counted.items(), key=lambda item: (-item[1], item[0]))
     return [{"room": room, "share": count / len(rooms)} for room, count in ordered]
-
-
-def _nearest(
-    frames: NDArray[np.int64],
-    descriptors: NDArray[np.float32] | NDArray[np.float64],
-    representative: NDArray[np.float64],
-) -> int:
-    distances = np.linalg.norm(descriptors[frames] - representative, axis=1)
-    return int(frames[np.argmin(distances)])

@@ -60,6 +60,7 @@ def test_replay_writes_the_run_folder_and_says_what_it_came_to(replayed):
     assert re.fullmatch(r"runs/three-places\d*-hog", folder)
     assert sorted(path.name for path in (cwd / folder).iterdir()) == [
         "nodes.parquet",
+        "quality.parquet",
         "replay.rrd",
         "run.json",
         "steps.parquet",

@@ -17,6 +17,7 @@ from omnieval.results.schemas import (
     COMPARISON,
     NODES,
     PARTITIONS,
+    QUALITY,
     STEPS,
     TRANSITIONS,
     ablation_schema,
@@ -35,6 +36,7 @@ TABLES = {
     "comparisons": pl.Schema({field.name: field.dtype for field in COMPARISON.fields}),
     "nodes.parquet": NODES,
     "transitions.parquet": TRANSITIONS,
+    "quality.parquet": QUALITY,
     "baseline.parquet": PARTITIONS,
     "ablation.parquet": ablation_schema({name: parameter_type(field) for name, field in PARAMETERS.items()}),
 }
@@ -102,7 +104,7 @@ def test_the_readme_has_the_defaults():
     assert {name: str(parameters()[name].default) for name in rows} == rows
 
 
-@pytest.mark.parametrize("page", ["columns", "commands", "parameters"])
+@pytest.mark.parametrize("page", ["columns", "commands", "metrics", "parameters"])
 def test_generated_pages_are_current(page):
     made = runpy.run_path(str(DOCS / "reference.py"))[page]()
     assert (DOCS / f"{page}.md").read_text("utf-8") == made, "run: python docs/reference.py"
