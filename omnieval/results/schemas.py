@@ -110,7 +110,7 @@ box of those of its images that have a position (metres), `representative` the m
 TRANSITIONS = table_schema({"node_a": pl.Int32, "node_b": pl.Int32, "count": pl.Int32})
 """The edges of the topological map: how often the robot went between two nodes, node_a < node_b."""
 
-QUALITY = _schema(
+QUALITY = table_schema(
     {
         "metric": pl.String,
         "theta": pl.Float64,
