@@ -59,6 +59,8 @@ def test_replay_writes_the_run_folder_and_says_what_it_came_to(replayed):
     folder = result.stdout.splitlines()[0]
     assert re.fullmatch(r"runs/three-places\d*-hog", folder)
     assert sorted(path.name for path in (cwd / folder).iterdir()) == [
+        "map.json",
+        "map.npz",
         "nodes.parquet",
         "quality.parquet",
         "replay.rrd",
