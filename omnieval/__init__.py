@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from omnieval.descriptors.hog import Hog, HogSettings
     from omnieval.explain.refused import refused_closures
     from omnieval.explain.run import RunExplainer
+    from omnieval.exports.write import Exported, export
     from omnieval.localization.run import Localization, localize, open_localization
     from omnieval.loop import describe_archive, replay
     from omnieval.mapping.interface import BranchingMapper, Column, Gate, Mapper
@@ -65,6 +66,8 @@ _HOMES = {
     "Localization": "localization.run",
     "localize": "localization.run",
     "open_localization": "localization.run",
+    "Exported": "exports.write",
+    "export": "exports.write",
     "describe_archive": "loop",
     "replay": "loop",
     "BranchingMapper": "mapping.interface",
@@ -103,6 +106,7 @@ __all__ = [
     "Description",
     "Descriptor",
     "EventKind",
+    "Exported",
     "FinalMap",
     "Gate",
     "Gist",
@@ -130,6 +134,7 @@ __all__ = [
     "compare",
     "configure",
     "describe_archive",
+    "export",
     "load",
     "load_archive",
     "localize",

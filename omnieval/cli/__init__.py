@@ -22,6 +22,7 @@ from omnieval.cli import (
     diff,
     doctor,
     explain,
+    export,
     localize,
     map_descriptors,
     parameters,
@@ -64,6 +65,7 @@ app.command("compare", rich_help_panel=COMPARE, short_help="Show runs in one tab
 app.command("diff", rich_help_panel=COMPARE, short_help="Show where two runs part, and why.")(diff.diff)
 app.add_typer(dataset.app, name="dataset", rich_help_panel=DATA)
 app.command("describe", rich_help_panel=DATA, short_help="Write descriptors as a NumPy archive.")(describe.describe)
+app.command("export", rich_help_panel=DATA, short_help="Write a run for other programs.")(export.export)
 app.command("parameters", short_help="List every parameter.")(parameters.parameters)
 app.command("doctor", short_help="Show and test the installation.")(doctor.doctor)
 

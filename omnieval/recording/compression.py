@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.imaging.encode import jpeg
+
 PANORAMA_COLUMNS = 512
 """Widest panorama that is recorded, px: the width the descriptors see."""
 OMNIDIRECTIONAL_SIZE = 256
@@ -88,13 +90,13 @@ def turn(panorama: NDArray[np.uint8], shift: int, cells: int) -> NDArray[np.uint
 def encode_panorama(panorama: NDArray[np.uint8]) -> bytes:
     """Compress a panorama, no wider than `PANORAMA_COLUMNS`, to JPEG."""
     scale = min(1.0, PANORAMA_COLUMNS / panorama.shape[1])
-    return _jpeg(_scaled(panorama, scale), PANORAMA_QUALITY)
+    return jpeg(_scaled(panorama, scale), PANORAMA_QUALITY)
 
 
 def encode_omnidirectional(image: NDArray[np.uint8]) -> bytes:
     """Compress an omnidirectional image, no larger than `OMNIDIRECTIONAL_SIZE`, to JPEG."""
     scale = min(1.0, OMNIDIRECTIONAL_SIZE / max(image.shape[:2]))
-    return _jpeg(_scaled(image, scale), OMNIDIRECTIONAL_QUALITY)
+    return jpeg(_scaled(image, scale), OMNIDIRECTIONAL_QUALITY)
 
 
 def _scaled(image: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
@@ -104,10 +106,3 @@ def _scaled(image: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
     if scale <= 0.5:  # halving is ten times as fast as another scale
         image = np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
     return np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
-    done, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    if not done:
-        raise ValueError(f"cannot compress an image of shape {image.shape} to JPEG")
-    return encoded.tobytes()
