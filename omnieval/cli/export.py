@@ -41,7 +41,7 @@ def export(
 ) -> None:
     """Write a run for other programs: its map as a graph, its path, its tables, pictures of its nodes.
 
-    Prints the paths of what it wrote. Of ablations and baselines, the table as CSV.
+    Prints the paths of what it wrote. Of ablations, baselines and localisations, the table as CSV.
 
     Examples:
 

@@ -23,6 +23,8 @@ from omnieval.exports.graphml import graphml
 from omnieval.exports.node_pictures import node_pictures, pictures_of
 from omnieval.exports.trajectory import trajectory
 from omnieval.imaging.encode import jpeg
+from omnieval.localization.run import KIND as LOCALIZATION
+from omnieval.localization.run import TABLE as QUERIES
 from omnieval.results.atomic import replacing
 from omnieval.results.manifest import expanded, kind_of, with_article
 from omnieval.results.run_folder import TABLES, Run, open_run
@@ -38,7 +40,7 @@ class ExportFormat(StrEnum):
     CSV = "csv"
 
 
-_ONE_TABLE = {ABLATION: ROWS, BASELINE: PARTITIONS}
+_ONE_TABLE = {ABLATION: ROWS, BASELINE: PARTITIONS, LOCALIZATION: QUERIES}
 """Kinds of folders that hold a table and no map."""
 
 _FEW_WORDS = {ExportFormat.GEOJSON: "the map has no edge, and Nav2's Route Server refuses a graph without one"}
@@ -65,7 +67,7 @@ def export(
     Parameters
     ----------
     run
-        A run folder. Of an ablation or a baseline, the table as CSV.
+        A run folder. Of an ablation, a baseline or a localisation, the table as CSV.
     format
         ``graphml``, ``geojson``, ``json``, ``tum`` or ``csv``; None writes only `images`.
     out

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,8 +19,14 @@ from tests.exports.conftest import replayed
 
 
 def path(rows):
-    schema = {"frame": pl.Int32, "time": pl.Datetime("ns"), "x": pl.Float64, "y": pl.Float64, "yaw": pl.Float64}
+    schema: Any = {"frame": pl.Int32, "time": pl.Datetime("ns"), "x": pl.Float64, "y": pl.Float64, "yaw": pl.Float64}
     return pl.DataFrame(rows, schema=schema, orient="row")
+
+
+def pixels(file):
+    picture = cv2.imread(str(file))
+    assert picture is not None
+    return picture
 
 
 def numbers(text):
@@ -102,12 +109,11 @@ def test_every_node_has_the_picture_of_its_representative(run, panoramas, tmp_pa
     nodes = run.nodes.filter(pl.col("merged").is_null())
     assert [file.name for file in made.files] == [f"node-{number:03d}.jpg" for number in nodes["id"]]
     for file, frame in zip(made.files, nodes["representative_frame"], strict=True):
-        source = cv2.imread(str(panoramas / run.steps["file"][frame]))
-        picture = cv2.imread(str(file))
-        scaled = cv2.resize(source, picture.shape[1::-1])
-        assert np.abs(picture.astype(int) - scaled).mean() < 6
-        others = [cv2.resize(cv2.imread(str(panoramas / name)), picture.shape[1::-1]) for name in run.steps["file"]]
-        assert int(np.argmin([np.abs(picture.astype(int) - one).mean() for one in others])) == frame
+        picture = pixels(file)
+        sources = [cv2.resize(pixels(panoramas / name), picture.shape[1::-1]) for name in run.steps["file"]]
+        away = [np.abs(picture.astype(int) - one).mean() for one in sources]
+        assert int(np.argmin(away)) == frame
+        assert away[frame] < 6
 
 
 def test_pictures_of_images_that_were_replaced_are_refused(panoramas, tmp_path):

@@ -52,12 +52,13 @@ def test_networkx_reads_the_same_graph_with_typed_attributes(run, tmp_path):
     assert {(min(edge), max(edge)) for edge in read.edges} == {(one.a, one.b) for one in graph.edges}
     for one in graph.nodes:
         found = read.nodes[one.id]
-        assert (found["x"], found["y"], found["yaw"]) == dataclasses.astuple(one.place)
+        assert one.place is not None
+        assert (found["x"], found["y"], found["yaw"]) == (one.place.x, one.place.y, one.place.yaw)
         assert (found["images"], found["active"]) == (len(one.frames), one.active)
         assert isinstance(found["active"], bool)
         assert found["room"] == one.rooms[0][0]
-    for one in graph.edges:
-        assert read.edges[one.a, one.b] == {"count": one.count, "length": one.length}
+    for edge in graph.edges:
+        assert read.edges[edge.a, edge.b] == {"count": edge.count, "length": edge.length}
     assert read.graph["source"] == run.manifest["source"]
 
 
