@@ -47,7 +47,7 @@ def export(
 
       omnieval export runs/synthetic-cloudy-hog --format graphml
 
-      omnieval export runs/synthetic-cloudy-hog --format geojson --out graph.geojson
+      omnieval export runs/mine --format geojson --out graph.geojson
 
       omnieval export runs/synthetic-cloudy-hog --format csv --images nodes
     """
