@@ -58,14 +58,16 @@ def note(message: str) -> None:
 
 @contextmanager
 def library_notes() -> Iterator[None]:
-    """Say on stderr what the library warns of while a command runs, each line once."""
+    """Say on stderr what the library has to say while a command runs, each line once."""
     logger, handler = logging.getLogger("omnieval"), _Notes()
     logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
     logger.propagate = False
     try:
         yield
     finally:
         logger.propagate = True
+        logger.setLevel(logging.NOTSET)
         logger.removeHandler(handler)
 
 

@@ -48,6 +48,11 @@ class Address:
         """The source that `parse` reads again."""
         return f"{self.scheme}:{written(str(self.path), self.options)}"
 
+    def without(self, *names: str) -> Address:
+        """Return the same stream without some options."""
+        kept = {name: value for name, value in self.options.items() if name not in names}
+        return Address(self.scheme, self.path, kept)
+
     @property
     def every(self) -> int:
         """Of how many images one is taken."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from omnieval.datasets.streams.encodings import Raw, pixels
 from omnieval.datasets.streams.image import as_file, file_name, png
 from omnieval.datasets.streams.names import bag_files
 from omnieval.datasets.streams.rosbag import Bag, Message, Topic, opened
-from omnieval.datasets.streams.scan import scan_stream
+from omnieval.datasets.streams.scan import NO_POSES, scan_stream
 from omnieval.datasets.streams.store import Contents
 from omnieval.datasets.streams.trajectory import Track, Tree, poses_at
 from omnieval.errors import DatasetError
@@ -39,36 +40,43 @@ _POSES: Mapping[str, Callable[[Any], Any]] = {
 }
 """Where a message of each type holds its pose."""
 
+_RECORDED = "times-of-recording"
+"""The finding that images have no time of their own."""
+
 _Sample = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
 def scan_bag(rest: str) -> Scan:
     """Read the images of a bag (``PATH[#topic=...,pose-topic=...]``), decoding them into the cache if need be."""
     address = parse("bag", rest)
+    if "pose-frame" in address.options and "pose-topic" not in address.options:
+        hint = "--pose-frame says whose pose to take of a topic of transforms; name that with --pose-topic"
+        raise DatasetError(f"{address.source}: {hint}")
     files = bag_files(address.path) if exists(address.path) else []
-    return scan_stream(address, files, lambda folder: _decode(address, folder))
+    return scan_stream(address, files, lambda folder: _decode(address, folder), lambda images: _locate(address, images))
 
 
 def _decode(address: Address, folder: Path) -> Contents:
+    """Write the images of a bag into a folder."""
     with opened(address.path) as bag:
         topic = _image_topic(bag, address.options.get("topic"))
-        pose_topic = _pose_topic(bag, address.options.get("pose-topic"))
         frames, recorded = _write_images(bag, topic, address.every, folder)
-        stamped = all(frame.time_ns for frame in frames)
-        times = [frame.time_ns if stamped else time for frame, time in zip(frames, recorded, strict=True)]
-        findings: list[Finding] = []
-        if not stamped:
-            message = f"images of {topic.name} without a time of their own: those of recording are taken"
-            findings.append(Finding("info", "times-of-recording", ROOT, message))
-        if pose_topic is None:
-            findings.append(_no_poses(bag))
-            poses: list[Pose | None] = [None] * len(frames)
-        else:
-            known = [time for time in times if time is not None]
-            poses = _poses(bag, pose_topic, address.options.get("pose-frame"), known, stamped=stamped)
-            findings += _lacking(poses, pose_topic)
-    posed = zip(frames, times, poses, strict=True)
-    return Contents(tuple(Frame(f.path, f.file, time, pose) for f, time, pose in posed), tuple(findings))
+        findings = [_no_poses(bag)]
+    if not all(frame.time_ns for frame in frames):
+        message = f"images of {topic.name} without a time of their own: those of recording are taken"
+        findings.append(Finding("info", _RECORDED, ROOT, message))
+        frames = [replace(frame, time_ns=time) for frame, time in zip(frames, recorded, strict=True)]
+    return Contents(tuple(frames), tuple(findings))
+
+
+def _locate(address: Address, images: Contents) -> Contents:
+    """Return where images of a bag were taken, at their times."""
+    times = [frame.time_ns for frame in images.frames if frame.time_ns is not None]
+    stamped = all(finding.code != _RECORDED for finding in images.findings)
+    with opened(address.path) as bag:
+        topic = _named(bag, address.options["pose-topic"], _pose_topics(bag), "poses", "--pose-topic")
+        poses = _poses(bag, topic, address.options.get("pose-frame"), times, stamped=stamped)
+    return Contents(findings=tuple(_lacking(poses, topic)), poses=tuple(poses))
 
 
 def _image_topic(bag: Bag, name: str | None) -> Topic:
@@ -87,10 +95,6 @@ def _image_topic(bag: Bag, name: str | None) -> Topic:
             f"there are {len(images)} topics of images; choose one with --topic: {_listed(images.values())}"
         )
     return next(iter(images.values()))
-
-
-def _pose_topic(bag: Bag, name: str | None) -> Topic | None:
-    return None if name is None else _named(bag, name, _pose_topics(bag), "poses", "--pose-topic")
 
 
 def _pose_topics(bag: Bag) -> dict[str, Topic]:
@@ -156,7 +160,7 @@ def _no_poses(bag: Bag) -> Finding:
     topics = _pose_topics(bag)
     what_to_do = f"topics of poses are {_listed(topics.values())}; name one with --pose-topic" if topics else ""
     message = "; ".join(filter(None, ("no poses, position metrics will be null", what_to_do)))
-    return Finding("info", "no-poses", ROOT, message)
+    return Finding("info", NO_POSES, ROOT, message)
 
 
 def _lacking(poses: Sequence[Pose | None], topic: Topic) -> list[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -16,8 +17,19 @@ from omnieval.datasets.streams.store import Contents, decoded
 from omnieval.errors import DatasetError
 from omnieval.wording import safe_name
 
+NO_POSES = "no-poses"
+"""The finding that nothing tells where images were taken."""
+_LOG = logging.getLogger("omnieval")
+_OF_POSES = ("pose-topic", "pose-frame")
+"""Options that decide where images were taken, but not which they are."""
 
-def scan_stream(address: Address, files: Sequence[Path], decode: Callable[[Path], Contents]) -> Scan:
+
+def scan_stream(
+    address: Address,
+    files: Sequence[Path],
+    decode: Callable[[Path], Contents],
+    locate: Callable[[Contents], Contents] | None = None,
+) -> Scan:
     """Return the sequence in a stream, decoding it if need be; a ``camera.toml`` beside it tells its camera.
 
     Parameters
@@ -28,12 +40,17 @@ def scan_stream(address: Address, files: Sequence[Path], decode: Callable[[Path]
         The files it consists of.
     decode
         See `store.decoded`. What it raises does not name the stream.
+    locate
+        Says where the images were taken, if an option names what tells it; then nothing that `decode` has found about
+        missing poses holds.
     """
     base = Scan(safe_name(address.path.stem), address.source, address.path)
     if not exists(address.path):
         return replace(base, findings=(Finding("error", "missing-file", ROOT, "no such file; check the path"),))
     try:
-        folder, contents = decoded(address, files, decode)
+        folder, contents = decoded(address.without(*_OF_POSES), files, _announced(address, decode))
+        if locate is not None and "pose-topic" in address.options:
+            contents = _located(contents, decoded(address, files, lambda _: locate(contents))[1])
         camera_file = address.path.parent / CAMERA_FILE
         camera = parse_camera(read_text(camera_file)) if exists(camera_file) else base.camera
     except DatasetError as error:
@@ -42,6 +59,23 @@ def scan_stream(address: Address, files: Sequence[Path], decode: Callable[[Path]
     poses = ((frame.file, frame.pose and _with_yaw(frame.pose)) for frame in frames)
     remarks += pose_remarks(poses, largest_yaw=math.pi)
     return replace(base, root=folder, frames=tuple(frames), camera=camera, findings=(*contents.findings, *remarks))
+
+
+def _announced(address: Address, decode: Callable[[Path], Contents]) -> Callable[[Path], Contents]:
+    """Return `decode`, saying first that it may take a while."""
+
+    def announcing(folder: Path) -> Contents:
+        _LOG.info("decoding %s into the cache, once", address.path)
+        return decode(folder)
+
+    return announcing
+
+
+def _located(images: Contents, places: Contents) -> Contents:
+    """Return images with their poses."""
+    frames = (replace(frame, pose=pose) for frame, pose in zip(images.frames, places.poses, strict=True))
+    kept = (finding for finding in images.findings if finding.code != NO_POSES)
+    return Contents(tuple(frames), (*kept, *places.findings))
 
 
 def _with_yaw(pose: Pose) -> Pose:

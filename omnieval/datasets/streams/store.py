@@ -27,7 +27,7 @@ if sys.platform != "win32":
     import fcntl
 
 INDEX = "index.json"
-_VERSION = 1
+_VERSION = 2
 """Of what is decoded and how: a folder of another version is not looked at."""
 
 
@@ -41,14 +41,17 @@ class Contents:
         Its images, in the order of the stream.
     findings
         What was noticed while it was decoded.
+    poses
+        Where images were taken, in the same order, where that is what was asked for.
     """
 
-    frames: tuple[Frame, ...]
+    frames: tuple[Frame, ...] = ()
     findings: tuple[Finding, ...] = ()
+    poses: tuple[Pose | None, ...] = ()
 
 
 def decoded(address: Address, files: Sequence[Path], decode: Callable[[Path], Contents]) -> tuple[Path, Contents]:
-    """Return the folder of a stream's images and what it holds, decoding it if that was not done yet.
+    """Return the folder of what is taken from a stream and what it holds, decoding it if that was not done yet.
 
     Parameters
     ----------
@@ -122,9 +125,10 @@ def _make(folder: Path, decode: Callable[[Path], Contents], *, certain: bool) ->
 
 
 def _index(contents: Contents) -> str:
-    frames = [{"file": frame.file, "time_ns": frame.time_ns, "pose": _numbers(frame.pose)} for frame in contents.frames]
+    frames = [[frame.file, frame.time_ns] for frame in contents.frames]
     findings = [[found.severity, found.code, found.where, found.message] for found in contents.findings]
-    return json.dumps({"frames": frames, "findings": findings}, allow_nan=False)
+    poses = list(map(_numbers, contents.poses))
+    return json.dumps({"frames": frames, "findings": findings, "poses": poses}, allow_nan=False)
 
 
 def _numbers(pose: Pose | None) -> list[float | None] | None:
@@ -141,10 +145,9 @@ def _read(folder: Path) -> Contents | None:
     try:
         index = json.loads((folder / INDEX).read_text("utf-8"))
         there = {path.name for path in folder.iterdir()}
-        frames = tuple(
-            Frame(folder / one["file"], one["file"], one["time_ns"], _pose(one["pose"])) for one in index["frames"]
-        )
+        frames = tuple(Frame(folder / file, file, time_ns) for file, time_ns in index["frames"])
         findings = tuple(Finding(*one) for one in index["findings"])
+        poses = tuple(map(_pose, index["poses"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return Contents(frames, findings) if there.issuperset(frame.file for frame in frames) else None
+    return Contents(frames, findings, poses) if there.issuperset(frame.file for frame in frames) else None

@@ -114,6 +114,29 @@ def test_poses_are_interpolated_at_the_times_of_images(tmp_path, kind, of):
     assert codes(sequence.source) == []
 
 
+def test_other_poses_need_no_other_images(tmp_path):
+    with Maker(tmp_path / "tour.bag", "ros1") as bag:
+        for number, time in enumerate(TIMES):
+            bag.image("/image", time, IMAGES[number], "bgr8")
+            bag.odometry("/odom", time, 1.0, 2.0, 0.0)
+            bag.pose_stamped("/truth", time, 3.0, 4.0, 0.0)
+    unposed, odom, truth = (load(f"bag:{bag.path}{end}") for end in ("", "#pose-topic=/odom", "#pose-topic=/truth"))
+    assert unposed.root == odom.root == truth.root
+    assert [frame.pose for frame in unposed.frames] == [None] * 6
+    assert np.array_equal(np.unique(np.asarray(odom.positions), axis=0), [[1, 2]])
+    assert np.array_equal(np.unique(np.asarray(truth.positions), axis=0), [[3, 4]])
+
+
+def test_a_frame_of_transforms_needs_a_topic_of_them(tmp_path):
+    with Maker(tmp_path / "tour.bag", "ros1") as bag:
+        bag.image("/image", TIMES[0], IMAGES[0], "bgr8")
+        bag.odometry("/odom", TIMES[0], 1.0, 2.0, 0.0)
+    assert "name that with --pose-topic" in refusal(f"bag:{bag.path}#pose-frame=base_link")
+    assert "--pose-frame is for topics of transforms" in refusal(
+        f"bag:{bag.path}#pose-topic=/odom,pose-frame=base_link"
+    )
+
+
 def test_images_far_in_time_from_any_pose_have_none(tmp_path):
     with Maker(tmp_path / "tour.bag", "ros1") as bag:
         for number, time in enumerate(TIMES):
