@@ -135,7 +135,8 @@ def exists(path: Path) -> bool:
 def missing_folder(path: Path) -> Finding | None:
     """Return what is wrong with `path` as a folder to read, None if it can be listed."""
     if not exists(path):
-        return Finding("error", "missing-folder", ROOT, "no such folder; check the path")
+        hint = "a shell expands * only in a path without a scheme" if "*" in str(path) else "check the path"
+        return Finding("error", "missing-folder", ROOT, f"no such folder; {hint}")
     if not path.is_dir():
         return Finding("error", "not-a-folder", ROOT, "not a folder; name the folder that holds the sequence")
     try:

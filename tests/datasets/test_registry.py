@@ -130,3 +130,8 @@ def test_importing_the_datasets_is_light():
     code = f"import sys, omnieval.datasets; print(sorted({heavy} & set(sys.modules)))"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"
+
+
+def test_a_pattern_behind_a_scheme_is_not_expanded_by_a_shell(tmp_path):
+    with pytest.raises(DatasetError, match=r"a shell expands \* only in a path without a scheme"):
+        load(f"cold:{tmp_path}/*/seq*")

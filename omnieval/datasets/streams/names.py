@@ -23,7 +23,7 @@ def is_bag(path: Path) -> bool:
     """Tell whether `path` is named like a bag, or is a folder that holds one and no images."""
     if _is_folder(path):
         names = visible_names(path)
-        held = any(Path(name).suffix.casefold() in STORAGES for name in names)
+        held = any(STORAGES & set(Path(name.casefold()).suffixes) for name in names)  # .db3.zstd is one too
         return held and (METADATA in names or not any(map(has_image_suffix, names)))
     return path.suffix.casefold() in {BAG_OF_ROS1, *STORAGES}
 
