@@ -28,8 +28,8 @@ _STEMS = frozenset(
         "odom",
     ]
 )
-_ENDINGS = frozenset((".csv", ".tsv", ".txt", ".tum", ".kitti"))
-_OWN_ENDINGS = frozenset((".tum", ".kitti"))
+_ENDINGS = frozenset(("csv", "tsv", "txt"))
+_OWN_ENDINGS = frozenset(("tum", "kitti"))
 """Endings that only files of poses have."""
 _EUROC = ("state_groundtruth_estimate0/data.csv", "mav0/state_groundtruth_estimate0/data.csv")
 
@@ -39,7 +39,7 @@ def poses_beside(root: Path) -> tuple[Path | None, list[Finding]]:
 
     ``poses.csv`` in any case is taken first; of several other files none.
     """
-    found = [root / name for name in visible_names(root) if _may_hold_poses(root / name)]
+    found = [root / name for name in visible_names(root) if _may_hold_poses(name)]
     found += [root / name for name in _EUROC if (root / name).is_file()]
     found = found or _above(root)
     usual = [path for path in found if path.name.casefold() == USUAL]
@@ -64,11 +64,9 @@ def _above(root: Path) -> list[Path]:
     return []
 
 
-def _may_hold_poses(path: Path) -> bool:
-    ending = path.suffix.casefold()
-    if ending in _OWN_ENDINGS:
-        return path.is_file()
-    return ending in _ENDINGS and path.stem.casefold() in _STEMS
+def _may_hold_poses(name: str) -> bool:
+    stem, _, ending = name.casefold().rpartition(".")
+    return ending in _OWN_ENDINGS or (ending in _ENDINGS and stem in _STEMS)
 
 
 def _ignored(chosen: Path, others: Sequence[Path]) -> Finding:

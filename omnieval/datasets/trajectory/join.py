@@ -54,7 +54,7 @@ def joined(frames: Sequence[Frame], track: Track, how: Joining) -> tuple[list[Fr
     how
         Tolerance and interpolation.
     """
-    bare = [replace(frame, pose=None) for frame in frames]
+    bare = [frame if frame.pose is None else replace(frame, pose=None) for frame in frames]
     by_name = _by_name([frame.file for frame in frames], track) if track.named else None
     timed = track.timed and any(frame.time_ns is not None for frame in frames)
     if by_name is not None and (by_name[0] or any(found.severity == "error" for found in by_name[1]) or not timed):
@@ -171,7 +171,7 @@ def _fixed(frame: Frame, fix: Fix | None) -> Frame:
         return frame
     pose = fix.pose and Pose(fix.pose.x, fix.pose.y, wrapped(fix.pose.yaw))
     time = frame.time_ns if fix.time_ns is None else fix.time_ns
-    return replace(frame, pose=pose, time_ns=time, room=fix.room or frame.room)
+    return Frame(frame.path, frame.file, time, pose, fix.room or frame.room)
 
 
 def _untimed(fix: Fix | None) -> bool:

@@ -15,7 +15,9 @@ Times without a unit are seconds, or milli-, micro- or nanoseconds if they are a
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from itertools import pairwise
@@ -45,6 +47,9 @@ _ANY_WAY = 0.6
 """Mean resultant lengths from which, and up to which, driving and looking go the same way or do not."""
 _FEW_MOVES = 8
 """With fewer, chance decides whether they go the same way."""
+_ENOUGH = 1000
+"""Rows that tell the form of a table."""
+_PLAIN_NUMBERS = re.compile(r"[-+.0-9eE\n]*")
 _FULL_TURN = math.tau * 1.01
 _LONG_INTERVAL_S = 1e5
 """Seconds between two poses that are probably not seconds."""
@@ -173,8 +178,9 @@ def _columns(*roles: Role) -> Heading:
 
 
 def _numbers(table: TextTable) -> NDArray[np.float64] | None:
-    """Return the rows of usual width as numbers, shape (n, width); None if most are not numbers."""
+    """Return rows of usual width as numbers, shape (n, width), of a large table some; None if most are not numbers."""
     rows = [fields for _, fields in table.rows if len(fields) == table.width]
+    rows = rows[:: -(-len(rows) // _ENOUGH) or 1]
     whole = [[float(field) for field in fields] for fields in rows if all(map(is_number, fields))]
     return np.array(whole) if whole and len(whole) >= _MOST * len(rows) else None
 
@@ -228,12 +234,14 @@ class _Reader:
             self._notes.append(ground.words)
         elif "z" in self._columns:
             self._notes.append("z is not used")
+        places_on_ground, places_given, looks = ground.places.tolist(), given[:, :2].tolist(), yaws.tolist()
         fixes = []
         for index, (line, _) in enumerate(self._rows):
             if "name" in self._columns and not names[index]:
                 self._complain(line, "no file name; give one, or remove the row")
                 continue
-            pose = self._pose(index, ground.places[index], float(yaws[index]), given[index])
+            (x, y), raw = places_on_ground[index], places_given[index]
+            pose = self._pose(index, Pose(x, y, looks[index]), raw)
             if line in self._faulty:
                 continue
             fixes.append(Fix(line, names[index] or None, times[index], pose, rooms[index] or None))
@@ -265,6 +273,10 @@ class _Reader:
         values = np.full(len(self._rows), math.nan)
         if column is None:
             return values
+        texts = [fields[column.index] for _, fields in self._rows]
+        if _PLAIN_NUMBERS.fullmatch("\n".join(texts)):
+            with suppress(ValueError):  # some are blank, or no numbers after all: then one by one
+                return np.array(texts, np.float64)
         for index, (line, fields) in enumerate(self._rows):
             text = fields[column.index]
             if is_number(text):
@@ -379,7 +391,7 @@ class _Reader:
             self._notes.append(f"{title} in {unit}")
         return SECONDS[unit]
 
-    def _pose(self, index: int, place: NDArray[np.float64], yaw: float, given: NDArray[np.float64]) -> Pose | None:
+    def _pose(self, index: int, pose: Pose, given: Sequence[float]) -> Pose | None:
         """Return the pose of a row; one that is nowhere is left as it was given, and said."""
         line, fields = self._rows[index]
         if self._form != "KITTI":
@@ -390,8 +402,9 @@ class _Reader:
                 return None
         if line in self._faulty:  # it is said what is wrong with it
             return None
-        x, y = (place if np.isfinite(place).all() else given[:2]).tolist()
-        pose = Pose(x, y, yaw)
+        if math.isfinite(pose.x) and math.isfinite(pose.y) and not math.isinf(pose.yaw):
+            return pose
+        pose = Pose(given[0], given[1], pose.yaw)
         self._findings += pose_remarks([(f"{self._file}:{line}", pose)], largest_yaw=math.inf)
         return pose
 

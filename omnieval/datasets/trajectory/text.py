@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from omnieval.datasets.trajectory.columns import role_of
 from omnieval.errors import DatasetError
@@ -45,7 +46,7 @@ class TextTable:
     delimiter: str | None
     decimal_comma: bool
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Number of fields that most rows have."""
         return Counter(len(fields) for _, fields in self.rows).most_common(1)[0][0] if self.rows else 0
@@ -166,10 +167,10 @@ def _is_row(row: Line, heading: Line) -> bool:
 
 
 def _has_decimal_commas(rows: Sequence[Line]) -> bool:
-    fields = [field for _, row in rows for field in row]
-    return any(_DECIMAL_COMMA.fullmatch(field) for field in fields) and not any(
-        "." in field and is_number(field) for field in fields
-    )
+    with_commas = (field for _, row in rows for field in row if "," in field)
+    if not any(map(_DECIMAL_COMMA.fullmatch, with_commas)):
+        return False
+    return not any("." in field and is_number(field) for _, row in rows for field in row)
 
 
 def _pointed(field: str) -> str:
