@@ -33,6 +33,7 @@ from omnieval.cli import (
 )
 from omnieval.cli.console import library_notes, note
 from omnieval.cli.front_page import COMPARE, DATA, JUDGE, LOOK, RUN, FrontPage
+from omnieval.cli.home import with_home
 from omnieval.cli.slips import in_place_of
 from omnieval.cli.streams import ready_streams
 from omnieval.errors import OmnievalError
@@ -84,7 +85,7 @@ def _root(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its documented code. Every error is handled here, once."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    given = [with_home(argument) for argument in (sys.argv[1:] if arguments is None else arguments)]
     debug = "--debug" in given
     ready_streams()
     # What is wrong with an image or a video is said by omnieval, once.

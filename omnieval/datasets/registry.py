@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+from omnieval.datasets.cold_folders import KNOWN_LAYOUTS, ImageFolders, find_images
 from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.scan import (
     IMAGE_KINDS,
@@ -222,7 +223,6 @@ def _scan_bare(path: str) -> Scan:
 def _scheme_of(root: Path) -> str | Finding:
     """Return which reader a folder is for: a card or poses beside the images decide, else names as in COLD."""
     from omnieval.datasets.cards import CAMERA_FILE
-    from omnieval.datasets.cold_folders import KNOWN_LAYOUTS, ImageFolders, find_images
     from omnieval.datasets.folder import INNOVA_CARD, OWN_CARD
     from omnieval.datasets.poses import POSES_FILE
 
@@ -238,8 +238,11 @@ def _scheme_of(root: Path) -> str | Finding:
         return "cold"
     if has_images:
         return "folder"
-    if cold.code == "several-sequences":
-        return cold
+    return cold if cold.code == "several-sequences" else _no_sequence(root, names)
+
+
+def _no_sequence(root: Path, names: list[str]) -> Finding:
+    """Return what to say of a folder without images."""
     message = f"neither a COLD sequence nor images ({IMAGE_KINDS}) in it; {KNOWN_LAYOUTS}"
     if RESULTS_MANIFEST in names:
         message = f"a folder of results, not of images; `omnieval view {shown(str(root))}` shows a run"

@@ -1,8 +1,8 @@
 """Descriptions as a NumPy archive (``.npz``), for use elsewhere and for descriptors computed elsewhere.
 
-Arrays, n images: `position` (n, d) and `orientation` (n, cells, bins), floating point; `file` (n,) text; optional
-`xy` (n, 2) metres and `yaw` (n,) radians (NaN where unknown), `room` (n,) text (empty where unknown), `time_ns`
-(n,) int64. Nothing in an archive is ever executed: pickled objects are refused.
+Arrays, n images: `position` (n, d) and `orientation` (n, cells, bins), floating point; `file` or `files` (n,) text;
+optional `xy` (n, 2) metres and `yaw` (n,) radians (NaN where unknown), `room` or `rooms` (n,) text (empty where
+unknown), `time_ns` (n,) int64. Nothing in an archive is ever executed: pickled objects are refused.
 """
 
 from __future__ import annotations
@@ -22,8 +22,18 @@ from numpy.typing import NDArray
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.descriptors.description import Description
 from omnieval.errors import DatasetError
+from omnieval.wording import shown
 
-_ARRAYS = ("position", "orientation", "file", "xy", "yaw", "room", "time_ns")
+_ARRAYS = {
+    "position": ("position",),
+    "orientation": ("orientation",),
+    "file": ("file", "files"),
+    "xy": ("xy",),
+    "yaw": ("yaw",),
+    "room": ("room", "rooms"),
+    "time_ns": ("time_ns",),
+}
+"""The spellings of every array; `numpy.savez` takes no array called ``file``."""
 _KINDS = {"f": "floating point", "i": "whole numbers with a sign", "U": "text"}
 _UNREADABLE = (
     OSError,
@@ -120,18 +130,32 @@ def load_archive(file: Path) -> Archive:
 def _read_arrays(file: Path) -> dict[str, NDArray[Any]]:
     """Return the arrays that mean something to us; whatever else is in the archive is not even read."""
     try:
+        if file.is_dir():
+            raise DatasetError(
+                f"cannot read descriptors {file}: a folder; `omnieval replay {shown(str(file))}` maps images"
+            )
         if file.exists() and not file.is_file():  # a device or a pipe would never end
             raise DatasetError(f"cannot read descriptors {file}: not a file; expected a .npz archive")
         with zipfile.ZipFile(file) as archive:
-            present = [name for name in _ARRAYS if f"{name}.npy" in archive.namelist()]
-            return {name: _read_array(archive.read(f"{name}.npy")) for name in present}
+            listed = archive.namelist()
+            spelt = {one: name for name, spellings in _ARRAYS.items() for one in spellings if f"{one}.npy" in listed}
+            return {name: _read_array(archive, one) for one, name in spelt.items()}
     except _UNREADABLE as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise DatasetError(f"cannot read descriptors {file}: {reason}; expected a .npz archive") from error
 
 
-def _read_array(data: bytes) -> NDArray[Any]:
-    array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    data = archive.read(f"{name}.npy")
+    try:
+        array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+    except ValueError as error:
+        if "allow_pickle" not in str(error):
+            raise ValueError(f"array {name!r}: {error}") from error
+        raise ValueError(
+            f"array {name!r} holds Python objects, which are never read; make it an array of text or of numbers of one "
+            "length a row"
+        ) from error
     return array
 
 

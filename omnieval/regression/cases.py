@@ -18,7 +18,7 @@ from omnieval.imaging.settings import ImagingConfig
 from omnieval.loop import replay
 from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, Cut, archive_file, refuse_descriptor
 from omnieval.regression.reference import Case, sayable
-from omnieval.results.manifest import MANIFEST
+from omnieval.results.manifest import MANIFEST, expanded
 from omnieval.results.run_folder import Run, open_run
 
 Progress = Callable[[int, int], None]
@@ -133,7 +133,7 @@ def target_of(target: str, selection: Selection | None, cases: Sequence[Case]) -
     DatasetError, ResultError
         If it is neither a run folder nor a source.
     """
-    folder = Path(target)
+    folder = expanded(target)
     if (folder / MANIFEST).is_file():
         refuse_selection(selection)
         run = open_run(folder)

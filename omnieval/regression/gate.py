@@ -26,11 +26,12 @@ from omnieval.regression.judge import judge
 from omnieval.regression.reference import Case, Made, read_reference
 from omnieval.regression.trace import Parting, first_parting, read_trace
 from omnieval.results.compare import differing
+from omnieval.results.manifest import expanded
 from omnieval.results.run_folder import Run
 
 
 def check(
-    reference: Path,
+    reference: str | Path,
     targets: Sequence[str] = (),
     *,
     selection: Selection | None = None,
@@ -56,6 +57,7 @@ def check(
     ConfigError
         If the reference is faulty, or there is a selection and nothing to select from.
     """
+    reference = expanded(reference)
     cases = read_reference(reference)
     if not targets:
         refuse_selection(selection)

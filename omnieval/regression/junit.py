@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 from omnieval.regression.case_report import CaseReport, explanations, failure_line
 from omnieval.results.atomic import replacing
+from omnieval.results.manifest import expanded
 from omnieval.wording import shown
 
 
@@ -26,7 +27,7 @@ def write_junit(reports: Sequence[CaseReport], path: Path) -> None:
     root.set("time", _seconds(sum(report.seconds or 0.0 for report in reports)))
     root.extend(suites)
     ET.indent(root)
-    with replacing(path) as temporary:
+    with replacing(expanded(path)) as temporary:
         ET.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
 
 

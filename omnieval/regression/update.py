@@ -28,6 +28,7 @@ from omnieval.regression.cases import (
 from omnieval.regression.reference import Case, Guard, Made, NodeRange, read_reference, write_reference
 from omnieval.regression.trace import DECISION, Parting, first_parting, read_trace, write_trace
 from omnieval.results.compare import differing
+from omnieval.results.manifest import expanded
 from omnieval.results.run_folder import Run
 from omnieval.wording import safe_name
 
@@ -97,6 +98,7 @@ def update(
     ConfigError, DatasetError, ResultError
         If something cannot be replayed, or a run is not complete, or a file cannot be written.
     """
+    reference = expanded(reference)
     there = reference.exists() or not targets
     cases = list(read_reference(reference, may_be_empty=bool(targets)) if there else ())
     renewals = []
