@@ -25,7 +25,8 @@ class ReportFormat(StrEnum):
 
 def report(
     paths: Annotated[
-        list[Path], typer.Argument(help="Run folders, ablations and baselines, in any mixture.", metavar="PATH")
+        list[Path],
+        typer.Argument(help="Run folders, ablations, baselines and localisations, in any mixture.", metavar="PATH"),
     ],
     out: Annotated[
         Path | None, typer.Option(help="Folder to write; default report/ inside the first path.", metavar="DIR")
@@ -46,7 +47,7 @@ def report(
     ] = False,
     json: options.Json = False,
 ) -> None:
-    """Draw the figures and tables of runs, ablations and baselines: one page that needs no network.
+    """Draw the figures and tables of runs, sweeps, baselines and localisations: one page without network.
 
     Writes index.html, complete in itself, and figures/ with each figure as SVG, PNG and CSV, and prints the page's
     path. A figure whose input is missing is left out with a sentence that says why.

@@ -7,10 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from omnieval.errors import ConfigError
+from omnieval.localization.run import Localization
 from omnieval.material import Cut
 from omnieval.report.batch import batch_figure, recorded
 from omnieval.report.figure import Block, Content, Figure, Section, Skipped, Table
 from omnieval.report.heatmaps import sweep_figures
+from omnieval.report.localizations import (
+    lights_table,
+    localization_blocks,
+    localization_facts,
+    published_table,
+)
 from omnieval.report.pieces import pieces_figures
 from omnieval.report.quality import quality_table
 from omnieval.report.replays import DrawnReplay, attempted, draw_replay, drawn_or_skipped
@@ -58,7 +65,9 @@ def build(sources: Sources, order: Order) -> Content:
         if order.progress:
             order.progress(done, len(replays))
     table_3 = batch_table(sources.sweeps, [(one, drawn[id(one)].batch) for one in sources.replays if one.finished])
-    first: list[Block] = [summary_table(sources), *([table_3] if table_3 else [])]
+    first: list[Block] = [] if sources.only_localizations else [summary_table(sources)]
+    first += [table_3] if table_3 else []
+    first += [lights_table(sources.localizations), published_table()] if sources.localizations else []
     sections = [Section("Overview", (), tuple(first))]
     for sweep in sources.sweeps:
         sections.append(_sweep_section(sweep, order))
@@ -66,6 +75,7 @@ def build(sources: Sources, order: Order) -> Content:
             sections += [_replay_section(replay, drawn[id(replay)].blocks) for replay in sweep.replays]
     sections += [_replay_section(replay, drawn[id(replay)].blocks) for replay in sources.replays]
     sections += [_baseline_section(baseline, order) for baseline in sources.baselines]
+    sections += [_localization_section(found, order) for found in sources.localizations]
     return Content(_title(sources), tuple(sections))
 
 
@@ -145,6 +155,12 @@ def _cut_words(cut: Cut) -> str:
     return ", ".join(f"{name} {value}" for name, value in parts.items() if value is not None)
 
 
+def _localization_section(found: Localization, order: Order) -> Section:
+    facts = tuple(localization_facts(found).items())
+    title = f"Localisation {found.folder.resolve().name}"
+    return Section(title, facts, tuple(localization_blocks(found, figures=order.figures)))
+
+
 def _baseline_section(baseline: Baseline, order: Order) -> Section:
     facts = {
         "folder": str(baseline.folder),
@@ -189,6 +205,7 @@ def _title(sources: Sources) -> str:
             *(replay.dataset for replay in sources.replays),
             *(str(name) for sweep in sources.sweeps for name in sweep.table["dataset"].unique(maintain_order=True)),
             *(str(baseline.table["dataset"][0]) for baseline in sources.baselines),
+            *(str(found.manifest["map"]["sequence"]) for found in sources.localizations),
         ]
     )
     return f"omnieval report: {', '.join(datasets)}"

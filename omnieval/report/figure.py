@@ -83,7 +83,28 @@ class Table:
         return sides(len(self.columns), self.rows)
 
 
-Block = Figure | Skipped | Table
+@dataclass(frozen=True)
+class Photo:
+    """A JPEG file of `width` by `height` pixels, what stands below it, and the same for who cannot see it."""
+
+    jpeg: bytes
+    width: int
+    height: int
+    label: str
+    alt: str
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Pictures side by side."""
+
+    key: str
+    title: str
+    caption: str
+    photos: tuple[Photo, ...]
+
+
+Block = Figure | Skipped | Table | Gallery
 
 
 @dataclass(frozen=True)

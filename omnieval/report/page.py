@@ -6,6 +6,7 @@ style sheet overrides the few attributes that `palette` reserves for them.
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from omnieval.report.figure import Content, Figure, Skipped, Table
+from omnieval.report.figure import Content, Figure, Gallery, Skipped, Table
 from omnieval.text_table import typeset
 from omnieval.wording import ordinal
 
@@ -53,9 +54,10 @@ def _environment() -> Environment:
     room = Environment(
         loader=PackageLoader("omnieval.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
     )
-    room.filters |= {"typeset": typeset, "inline": _inline, "data": _data}
+    room.filters |= {"typeset": typeset, "inline": _inline, "data": _data, "base64": _base64}
     room.tests |= {
         "table": lambda block: isinstance(block, Table),
+        "gallery": lambda block: isinstance(block, Gallery),
         "skipped": lambda block: isinstance(block, Skipped),
     }
     return room
@@ -68,6 +70,10 @@ def _inline(drawn: Drawn) -> dict[str, str]:
         raise ValueError(f"figure {drawn.number} is not an SVG of known form")
     width, height = (f"{float(number):g}" for number in found.groups()[:2])
     return {"width": width, "height": height, "marks": Markup(drawn.svg[found.end() :].removesuffix("\n"))}
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
 
 
 def _data(figure: Figure, drawn: Drawn) -> Table:

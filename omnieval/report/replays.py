@@ -15,6 +15,7 @@ from omnieval.report.batch import KS, SPECTRAL, Curves, batch_at, batch_figure, 
 from omnieval.report.curves import curves_figure
 from omnieval.report.evidence import batch_curve, position_descriptors, positions_of, step_again, telling_step
 from omnieval.report.figure import Block, Figure, Skipped
+from omnieval.report.gallery import TITLE, gallery
 from omnieval.report.maps import map_figure, progress_figure
 from omnieval.report.published import is_papers
 from omnieval.report.series import gate_figure, time_figure
@@ -54,6 +55,7 @@ def draw_replay(replay: Replay, baselines: Sequence[Baseline], *, step: int | No
     subject = replay.subject
     drawn: dict[str, Callable[[], Block | None]] = {
         "The map at ten moments": lambda: map_figure(replay),
+        TITLE: lambda: gallery(replay),
         "Number of nodes while the map grows": lambda: progress_figure(replay),
         "Batch clustering over the number of clusters": lambda: (
             batch_figure(curves, [replay] if replay.finished else [], subject)

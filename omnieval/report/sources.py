@@ -1,4 +1,4 @@
-"""What stands at the paths of a report: replays, sweeps and baselines, each as one record to draw from."""
+"""What stands at the paths of a report: replays, sweeps, baselines and localisations, a record each."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from omnieval.benchmark import KIND as BASELINE
 from omnieval.benchmark import TABLE as PARTITIONS
 from omnieval.config import Config
 from omnieval.errors import ResultError
+from omnieval.localization.run import KIND as LOCALIZATION
+from omnieval.localization.run import Localization, open_localization
 from omnieval.mapping.interface import Method
 from omnieval.material import Cut, Material, described_again, held_against, opened, reopened
 from omnieval.metrics.catalogue import METRICS
@@ -197,6 +199,12 @@ class Sources:
     replays: tuple[Replay, ...]
     sweeps: tuple[Sweep, ...]
     baselines: tuple[Baseline, ...]
+    localizations: tuple[Localization, ...] = ()
+
+    @property
+    def only_localizations(self) -> bool:
+        """Whether it is about no map as such, only about what was found in maps."""
+        return bool(self.localizations) and not (self.replays or self.sweeps or self.baselines)
 
 
 def open_sources(paths: Iterable[Path]) -> Sources:
@@ -210,6 +218,7 @@ def open_sources(paths: Iterable[Path]) -> Sources:
     replays: list[Replay] = []
     sweeps: list[Sweep] = []
     baselines: list[Baseline] = []
+    localizations: list[Localization] = []
     seen: set[Path] = set()
     for path in paths:
         if path.resolve() in seen:
@@ -220,9 +229,11 @@ def open_sources(paths: Iterable[Path]) -> Sources:
             sweeps.append(open_sweep(path))
         elif kind == BASELINE:
             baselines.append(open_baseline(path))
+        elif kind == LOCALIZATION:
+            localizations.append(_whole(open_localization(path)))
         else:
             replays.append(replay_of(open_run(path)))
-    return Sources(tuple(replays), tuple(sweeps), tuple(baselines))
+    return Sources(tuple(replays), tuple(sweeps), tuple(baselines), tuple(localizations))
 
 
 def replay_of(run: Run) -> Replay:
@@ -298,6 +309,19 @@ def open_baseline(folder: Path) -> Baseline:
         _facts(manifest),
         {"descriptor": manifest["descriptor"]["identity"], "imaging": manifest["imaging"]},
     )
+
+
+def _whole(found: Localization) -> Localization:
+    """Refuse a localisation that has not come to its end, or whose table cannot be read.
+
+    Raises
+    ------
+    ResultError
+        If it is so.
+    """
+    if status_of(found.manifest) != "complete" or found.table.is_empty():
+        raise ResultError(f"{found.folder} is not complete; localise again")
+    return found
 
 
 def best_rows(table: pl.DataFrame) -> pl.DataFrame:
