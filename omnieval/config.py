@@ -11,7 +11,7 @@ from __future__ import annotations
 import inspect
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from omnieval.components import BUILT_IN, Component, Kind, find_class, known, name_of, resolve_component, settings_model
-from omnieval.errors import ConfigError
+from omnieval.datasets.cards import parse_camera
+from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.wording import did_you_mean
 
@@ -268,6 +269,25 @@ def read_settings(path: Path) -> list[Setting]:
         raise ConfigError(f"cannot read configuration {path}: {error.strerror or error}; check --config") from error
     except (ValueError, RecursionError) as error:  # not only TOMLDecodeError: a number may have too many digits
         raise ConfigError(f"cannot read configuration {path}: {error}; correct it to valid TOML in UTF-8") from error
+
+
+def read_camera(path: Path) -> list[Setting]:
+    """Read what a file like ``camera.toml`` says as settings of imaging.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or describes no camera.
+    """
+    try:
+        camera = parse_camera(path.expanduser().read_text("utf-8"), path.expanduser().absolute().parent)
+    except (OSError, ValueError, DatasetError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(f"cannot read the camera {path}: {reason}; check --camera") from error
+    mask = None if camera.mask is None else str(camera.mask)
+    values = {"kind": camera.kind, "belt": camera.belt, "mask": mask}
+    values |= {} if camera.mirror is None else asdict(camera.mirror)
+    return [Setting(f"{_IMAGING}.{name}", value, str(path)) for name, value in values.items() if value is not None]
 
 
 def flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

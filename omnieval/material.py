@@ -35,7 +35,7 @@ from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import DescribedFrame, Describer
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError, DatasetError, ResultError
-from omnieval.imaging.camera import CameraModel, camera_of, resolve_camera
+from omnieval.imaging.camera import CameraModel, camera_in_words, camera_of, resolve_camera
 from omnieval.imaging.glance import image_size
 from omnieval.imaging.pictures import Pictures
 from omnieval.imaging.soundness import BadImage, examined, without_bad
@@ -91,8 +91,8 @@ class Material:
         The frames' descriptions, in order, computed as they are asked for.
     camera
         What determines a panorama, besides where that is known from; None if there are no images.
-    origin
-        Where what is known of the camera comes from.
+    camera_about
+        The same with where it is known from, for ``run.json``.
     card
         Name of the data card, if there is one.
     findings
@@ -115,7 +115,7 @@ class Material:
     unposed: str | None
     described: Iterable[DescribedFrame]
     camera: Mapping[str, Any] | None = None
-    origin: str | None = None
+    camera_about: Mapping[str, Any] | None = None
     card: str | None = None
     findings: tuple[KindOfFinding, ...] = ()
     skipped: tuple[BadImage, ...] | None = None
@@ -136,7 +136,7 @@ class Material:
             "card": self.card,
             "cut": dataclasses.asdict(self.cut),
             "frames": len(self.frames),
-            "camera": None if self.camera is None else {"origin": self.origin, **self.camera},
+            "camera": self.camera_about,
             "descriptor": self.descriptor.about,
             "orientation_cells": self.cells,
             "findings": [dataclasses.asdict(finding) for finding in self.findings],
@@ -322,7 +322,10 @@ def _of_images(
     sequence = examined(sequence, cache)
     unposed = why_unposed(sequence.frames)
     sequence = dataclasses.replace(sequence, frames=tuple(map(_within_a_building, sequence.frames)))
-    camera = camera or resolve_camera(sequence, config.imaging, cache)
+    if camera is None:
+        camera = resolve_camera(sequence, config.imaging, cache)
+        if camera.kind == "omnidirectional" and not camera.told:
+            _LOG.info("camera: %s", camera_in_words(camera.about))
     described: Iterator[DescribedFrame] = (
         Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
         if undescribed_cells is None
@@ -340,9 +343,9 @@ def _of_images(
         unposed=unposed,
         described=chain([first], described),
         camera=camera.settings,
-        origin=camera.origin,
+        camera_about=camera.about,
         card=sequence.card,
-        findings=by_kind(sequence.findings),
+        findings=by_kind([*sequence.findings, *camera.findings]),
         skipped=skipped,
         pictures=Pictures(sequence.frames, camera),
         cache=cache,

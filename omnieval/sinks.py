@@ -68,7 +68,7 @@ class RecordingSink:
         self._pictures = material.pictures if options.images else None
         self._silhouette = SilhouetteSoFar(material.positions) if material.positions is not None else None
         said = _parameters(material, method) | _far_away(material)
-        self._page = configuration_page(material.name, material.source, said)
+        self._page = configuration_page(material.name, material.source, said, material.camera_about)
         self._cells = material.cells
         self._recorder = Recorder(path, _info(material, method, self._page), options)
         self._patience = _PATIENCE_S if options.spawn or options.connect else None

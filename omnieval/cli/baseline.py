@@ -37,6 +37,7 @@ def baseline(
     ] = None,
     set_: options.Set = None,
     config: options.ConfigFile = None,
+    camera: options.CameraFile = None,
     descriptor: options.DescriptorName = None,
     poses: options.Poses = None,
     poses_tolerance: options.PosesTolerance = None,
@@ -76,7 +77,7 @@ def baseline(
     from omnieval.cli.console import print_json, progress
     from omnieval.text_table import aligned, cell_text
 
-    resolved = options.configuration(set_, config, None, None, descriptor)
+    resolved = options.configuration(set_, config, descriptor=descriptor, camera=camera)
     ks = None if k is None else parse_ks(k)
     check_options(method=method, similarity=similarity, ks=ks, at_k_of=at_k_of)
     with progress(method) as report:

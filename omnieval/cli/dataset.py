@@ -11,7 +11,11 @@ import typer
 from omnieval.cli import options
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from omnieval.datasets.check import CheckReport
+    from omnieval.datasets.findings import Finding
+    from omnieval.imaging.settings import ImagingConfig
 
 app = typer.Typer(
     help="Cards, downloads, checks, the synthetic building.",
@@ -123,6 +127,12 @@ def fetch(
 @app.command("check", short_help="Find what is wrong on disk.")
 def check(
     source: options.Source = "synthetic",
+    preview: Annotated[
+        Path | None,
+        typer.Option(help="Write a picture: the mirror's circles on an image, and its panorama.", metavar="FILE.png"),
+    ] = None,
+    set_: options.Set = None,
+    camera: options.CameraFile = None,
     poses: options.Poses = None,
     poses_tolerance: options.PosesTolerance = None,
     poses_interpolate: options.PosesInterpolate = None,
@@ -130,29 +140,42 @@ def check(
     pose_topic: options.PoseTopic = None,
     pose_frame: options.PoseFrame = None,
     decode_every: options.DecodeEvery = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the picture if it is there.")] = False,
     json: options.Json = False,
 ) -> None:
     """Check a sequence on disk against itself and its data card, reporting every finding at once.
 
-    Reads every image. Exits with 3 if there is an error.
+    Reads every image, and says what the camera is and where that is known from. Exits with 3 if there is an error.
 
     Examples:
 
       omnieval dataset check cold:/data/cold-freiburg/part_a/seq2_cloudy3
+
+      omnieval dataset check folder:/data/donuts --preview camera.png --set imaging.r_in=60
     """
     from omnieval.cli.console import print_json, progress
     from omnieval.datasets.check import check as check_sequence
+    from omnieval.datasets.findings import in_order
     from omnieval.errors import DatasetError
+    from omnieval.loop import claim_file
 
+    imaging = options.configuration(set_, None, camera=camera).imaging
+    if preview is not None:
+        preview = preview.expanduser()
+        claim_file(preview, overwrite=overwrite)
     source = options.posed(
         options.streamed(source, topic, pose_topic, pose_frame, decode_every), poses, poses_tolerance, poses_interpolate
     )
     with progress("checking") as report_progress:
         report = check_sequence(source, progress=report_progress)
+    words = None
+    if report.ok:
+        words, found = _camera(source, imaging, preview)
+        report = dataclasses.replace(report, findings=in_order([*report.findings, *found]))
     if json:
-        print_json({"schema_version": 1, "ok": report.ok, **dataclasses.asdict(report)})
+        print_json({"schema_version": 1, "ok": report.ok, "camera": words, **dataclasses.asdict(report)})
     else:
-        _print_report(report)
+        _print_report(report, words)
     if not report.ok:
         errors = sum(finding.severity == "error" for finding in report.findings)
         raise DatasetError(f"{report.source} has {errors} error(s), listed above; mend or remove what they name")
@@ -181,7 +204,22 @@ def synthesize(
         print(write_sequence(directory, light=light, building=building, frames=frames, seed=seed, progress=report))
 
 
-def _print_report(report: CheckReport) -> None:
+def _camera(source: str, imaging: ImagingConfig, picture: Path | None) -> tuple[str, Iterable[Finding]]:
+    """Return what the camera is, in words, and what is odd about it; draw it if asked to."""
+    from omnieval.datasets import load
+    from omnieval.descriptors.cache import DescriptorCache
+    from omnieval.imaging.preview import write_preview
+    from omnieval.imaging.survey import survey_camera
+
+    sequence = load(source)
+    with DescriptorCache() as notebook:
+        survey = survey_camera(sequence, imaging, notebook)
+    if picture is not None:
+        write_preview(picture, sequence, survey)
+    return survey.words, survey.findings
+
+
+def _print_report(report: CheckReport, camera: str | None) -> None:
     from omnieval.cli.console import print_fields
 
     facts = {
@@ -193,6 +231,7 @@ def _print_report(report: CheckReport) -> None:
         "duration": _with_unit(report.duration_s, "s"),
         "mean spacing": _with_unit(report.spacing_m, "m"),
         "image size": " x ".join(map(str, report.image_size)) if report.image_size else None,
+        "camera": camera,
         "rooms": ", ".join(f"{room} {count}" for room, count in report.rooms.items()) or None,
     }
     print(report.source)

@@ -16,6 +16,7 @@ def describe(
     source: options.Source = "synthetic",
     set_: options.Set = None,
     config: options.ConfigFile = None,
+    camera: options.CameraFile = None,
     descriptor: options.DescriptorName = None,
     poses: options.Poses = None,
     poses_tolerance: options.PosesTolerance = None,
@@ -45,7 +46,7 @@ def describe(
     from omnieval.imaging.soundness import in_words
     from omnieval.loop import describe_archive
 
-    resolved = options.configuration(set_, config, None, None, descriptor)
+    resolved = options.configuration(set_, config, descriptor=descriptor, camera=camera)
     with progress("describing") as report:
         archive, material = describe_archive(
             options.posed(

@@ -48,6 +48,10 @@ Set = Annotated[
 ConfigFile = Annotated[
     list[Path] | None, typer.Option("--config", help="TOML file of parameters; repeatable.", metavar="FILE.toml")
 ]
+CameraFile = Annotated[
+    Path | None,
+    typer.Option("--camera", help="What the camera is: a file like camera.toml (docs/data.md).", metavar="FILE.toml"),
+]
 Preset = Annotated[
     str | None, typer.Option(help="Named parameters: recommended (default) or paper-literal.", metavar="NAME")
 ]
@@ -140,14 +144,17 @@ Every = Annotated[
 def configuration(
     settings: Sequence[str] | None,
     files: Sequence[Path] | None,
-    preset: str | None,
-    mapper: str | None,
-    descriptor: str | None,
+    preset: str | None = None,
+    mapper: str | None = None,
+    descriptor: str | None = None,
+    *,
+    camera: Path | None = None,
 ) -> Config:
-    """Return the configuration the options ask for: preset, then files, then --set, later ones winning."""
-    from omnieval.config import parse_assignment, read_settings, resolve
+    """Return the configuration the options ask for: preset, then camera, then files, then --set, later ones winning."""
+    from omnieval.config import parse_assignment, read_camera, read_settings, resolve
 
-    given = [setting for file in files or () for setting in read_settings(file)]
+    given = read_camera(camera) if camera is not None else []
+    given += [setting for file in files or () for setting in read_settings(file)]
     given += [parse_assignment(text) for text in settings or ()]
     return resolve(given, preset=preset, mapper=mapper, descriptor=descriptor)
 

@@ -18,6 +18,7 @@ def replay(
     source: options.Source = "synthetic",
     set_: options.Set = None,
     config: options.ConfigFile = None,
+    camera: options.CameraFile = None,
     preset: options.Preset = None,
     mapper: options.MapperName = None,
     descriptor: options.DescriptorName = None,
@@ -67,7 +68,7 @@ def replay(
     from omnieval.cli.console import progress
     from omnieval.loop import replay as run_replay
 
-    resolved = options.configuration(set_, config, preset, mapper, descriptor)
+    resolved = options.configuration(set_, config, preset, mapper, descriptor, camera=camera)
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
     with progress("replaying") as report:
         run = run_replay(

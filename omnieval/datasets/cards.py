@@ -5,7 +5,7 @@ the layout of a family is not fixed, the card tells it, and whoever has the data
 
     [layout]
     images = "omni/*.jpg"            # glob below the sequence folder; every image it matches is a frame
-    kind = "omnidirectional"         # or "panoramic", or "auto": the aspect ratio decides
+    kind = "omnidirectional"         # or "panoramic", or "auto": the images decide
 
     [layout.ground_truth]            # leave the table out if there are no positions
     file = "ground_truth.csv"        # a name, or a glob that matches one file
@@ -13,9 +13,11 @@ the layout of a family is not fixed, the card tells it, and whoever has the data
     length_unit = "cm"
     angle_unit = "deg"
 
-``camera.toml`` in a folder of images says no more than the kind of camera::
+``camera.toml`` beside images says what the camera is::
 
     kind = "omnidirectional"         # or "panoramic"
+    mask = "mask.png"                # optional: white where the scene is seen, black for posts and the robot's body
+    # belt = "30deg:-50deg"          # optional, panoramic only: the rows to use (`datasets.belt`)
 
     [mirror]                         # optional, omnidirectional only, pixels
     cx = 320.0
@@ -36,8 +38,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from omnieval.datasets.belt import parse_belt
 from omnieval.datasets.sequence import Camera, Mirror
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, shown
@@ -198,12 +201,23 @@ class _CameraTable(BaseModel):
 
     kind: Literal["panoramic", "omnidirectional"]
     mirror: MirrorGeometry | None = None
+    belt: str | None = None
+    mask: str | None = Field(None, min_length=1)
 
     @model_validator(mode="after")
-    def _panoramas_have_no_mirror(self) -> _CameraTable:
+    def _belong_to_the_kind(self) -> _CameraTable:
         if self.mirror is not None and self.kind == "panoramic":
             raise ValueError("a panoramic camera has no [mirror]; remove it, or set kind = 'omnidirectional'")
+        if self.belt is not None and self.kind == "omnidirectional":
+            raise ValueError("a mirror's belt is between r_in and r_out; remove belt, or set kind = 'panoramic'")
         return self
+
+    @field_validator("belt")
+    @classmethod
+    def _belt_is_one(cls, belt: str | None) -> str | None:
+        if belt is not None:
+            parse_belt(belt)
+        return belt
 
 
 class Card(BaseModel):
@@ -312,8 +326,15 @@ def parse_card(name: str, text: str) -> Card:
     return _parsed(Card, text, f"data card {name}.toml: ", name=name)
 
 
-def parse_camera(text: str) -> Camera:
+def parse_camera(text: str, folder: Path | None = None) -> Camera:
     """Return the camera that a ``camera.toml`` describes.
+
+    Parameters
+    ----------
+    text
+        What the file says.
+    folder
+        Where it lies: the name of a mask is relative to it.
 
     Raises
     ------
@@ -321,7 +342,8 @@ def parse_camera(text: str) -> Camera:
         If it is not TOML, a key or kind is unknown, or the mirror is impossible.
     """
     table = _parsed(_CameraTable, text)
-    return Camera(table.kind, _mirror(table.mirror))
+    mask = None if table.mask is None else (folder or Path()) / Path(table.mask).expanduser()
+    return Camera(table.kind, _mirror(table.mirror), table.belt, mask, CAMERA_FILE)
 
 
 def overridden(known: Card, text: str, file: str) -> Card:

@@ -21,6 +21,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+from omnieval.datasets.camera_file import camera_beside
 from omnieval.datasets.cards import card, find_card
 from omnieval.datasets.cold_folders import ENDING, OMNI_FOLDER, ImageFolders, cold_stem, find_images
 from omnieval.datasets.findings import Finding
@@ -104,14 +105,15 @@ def scan_cold(path: str | Path) -> Scan:
     frames, label_findings = _labelled(found, frames)
     known, card_sequence = find_card(root)
     mirror = known.mirror if known else None
+    # Who sorts the images by rooms may have unwrapped them, too.
+    camera, camera_faults = camera_beside(root, Camera("omnidirectional" if published or mirror else "auto", mirror))
     return Scan(
         name=safe_name(root.name),
         source=f"cold:{root}",
         root=root,
         frames=tuple(frames),
-        # Who sorts the images by rooms may have unwrapped them, too.
-        camera=Camera("omnidirectional" if published or mirror else "auto", mirror),
-        findings=(*faults, *remarks, *label_findings),
+        camera=camera,
+        findings=(*faults, *camera_faults, *remarks, *label_findings),
         unnamed=tuple(unnamed),
         card=known.name if known else None,
         card_sequence=card_sequence,

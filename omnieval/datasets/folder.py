@@ -23,7 +23,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from omnieval.datasets.cards import CAMERA_FILE, Card, GroundTruth, Layout, card, overridden, parse_camera
+from omnieval.datasets.camera_file import camera_beside
+from omnieval.datasets.cards import Card, GroundTruth, Layout, card, overridden
 from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.names import natural_key, time_in_name, twins
 from omnieval.datasets.poses import BY_HEADING, Capture, Table, file_key, scan_table, wrapped
@@ -74,7 +75,10 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
     except DatasetError as error:
         return replace(base, findings=(Finding("error", "bad-card", ROOT, str(error)),))
     layout = known.layout or Layout()
-    matched = _matches(root, layout.images)
+    camera, camera_faults = camera_beside(
+        root, Camera("omnidirectional" if known.mirror else layout.kind, known.mirror)
+    )
+    matched = [name for name in _matches(root, layout.images) if root / name != camera.mask]
     names = sorted(filter(has_image_suffix, matched), key=natural_key)
     if layout.ground_truth == BY_HEADING:
         timed = _timed([Frame(root / name, name) for name in names])
@@ -83,14 +87,8 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
         captures, findings = _read_poses(root, names, layout.ground_truth)
         posed = _timed([_frame(root, name, captures.get(name)) for name in names])
     frames, time_findings = in_time(posed)
-    camera = Camera("omnidirectional" if known.mirror else layout.kind, known.mirror)
     faults = [*_name_faults(names, layout, own_cards[0]), *findings, *_spread_remarks(names), *unread_remarks(matched)]
-    faults += _twin_remarks(names)
-    if packaged is _PLAIN and (root / CAMERA_FILE).exists():
-        try:
-            camera = parse_camera(read_text(root / CAMERA_FILE))
-        except DatasetError as error:
-            faults.append(Finding("error", "bad-camera", CAMERA_FILE, str(error)))
+    faults += [*_twin_remarks(names), *camera_faults]
     own = None if known is _PLAIN else known
     expected = known.sequence_at(root)
     return replace(

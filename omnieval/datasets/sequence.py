@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -48,12 +48,16 @@ class Mirror:
 class Camera:
     """What a dataset knows about its images before one is read.
 
-    `auto` means that the aspect ratio of the first image decides; `mirror` None means that it has to be
-    estimated from the images.
+    `auto` means that the images themselves decide; `mirror` None means that it has to be estimated from the
+    images. `belt` are the rows of panoramas to use (`datasets.belt`), `mask` an image file that is white where the
+    scene is seen (`imaging.mask`), `told_by` the file that says so, in words.
     """
 
     kind: Literal["omnidirectional", "panoramic", "auto"] = "auto"
     mirror: Mirror | None = None
+    belt: str | None = None
+    mask: Path | None = None
+    told_by: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +107,8 @@ class Sequence:
     camera
         What is known of the camera.
     calibration
-        The first frames of the whole sequence, whatever the cut; the camera is estimated from these, so
-        that neither a cut nor frames appended later change it.
+        Frames of the whole sequence, whatever the cut, from which the camera is estimated: the first `FIRST_FRAMES`,
+        and if there are more, as many spread evenly over all of it, for a robot that stands still at first.
     card
         Name of the data card that describes the sequence's family, if any.
     findings
@@ -123,11 +127,11 @@ class Sequence:
     findings: tuple[Finding, ...] = ()
     cut_from: _Cut = (0, 1, None)
 
-    CALIBRATION_FRAMES = 64
+    FIRST_FRAMES = 64
 
     def __post_init__(self) -> None:
         if not self.calibration:
-            object.__setattr__(self, "calibration", self.frames[: self.CALIBRATION_FRAMES])
+            object.__setattr__(self, "calibration", (*self.frames[: self.FIRST_FRAMES], *self._spread()))
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -167,6 +171,13 @@ class Sequence:
     def rooms(self) -> tuple[str | None, ...]:
         """Room label of every frame, None where there is none."""
         return tuple(frame.room for frame in self.frames)
+
+    def _spread(self) -> tuple[Frame, ...]:
+        """Return frames spread evenly over a sequence that has more than the first ones."""
+        first, count = self.FIRST_FRAMES, len(self.frames)
+        if count <= first:
+            return ()
+        return tuple(self.frames[index * (count - 1) // (first - 1)] for index in range(first))
 
 
 def positions_of(frames: Iterable[Frame]) -> NDArray[np.float64] | None:

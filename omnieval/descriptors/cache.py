@@ -24,7 +24,7 @@ from omnieval.source_code import digest_of, module_digest
 
 DATABASE = "descriptors-3.sqlite"
 """Name of the file within the cache folder; the number is that of its tables."""
-_PANORAMA = ("omnieval.imaging.decode", "omnieval.imaging.unwrap")
+_PANORAMA = ("omnieval.imaging.decode", "omnieval.imaging.unwrap", "omnieval.imaging.mask")
 """The modules that make a panorama of the bytes of an image."""
 _TABLES = """
 CREATE TABLE IF NOT EXISTS files (path TEXT PRIMARY KEY, state TEXT, digest TEXT) WITHOUT ROWID;

@@ -8,10 +8,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+from numpy.typing import NDArray
+
 from omnieval.components import Component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
-from omnieval.descriptors.description import Description, Descriptor
+from omnieval.descriptors.description import Description, Descriptor, MaskedDescriptor
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
@@ -91,13 +94,22 @@ class Describer:
         data = frame.read()
         panorama = self._camera.panorama(decode_grey(data, where, frame.bits), where=where)
         try:
-            description = self._descriptor.describe(panorama)
+            description = self._describe_seen(panorama)
         except OmnievalError:
             raise
         except Exception as error:  # whatever the code of others raises
             fault = " ".join(f"{type(error).__name__}: {error}".split())
             raise ConfigError(f"the descriptor {self._name} failed on image {where}: {fault}") from error
         return state, DescribedFrame(description, image_digest(data))
+
+    def _describe_seen(self, panorama: NDArray[np.uint8]) -> Description:
+        mask = self._camera.panorama_mask
+        if mask is None:
+            return self._descriptor.describe(panorama)
+        filled = mask.filled(panorama)
+        if isinstance(self._descriptor, MaskedDescriptor):
+            return self._descriptor.describe_masked(filled, mask.seen)
+        return self._descriptor.describe(filled)
 
     def _take(self, frame: Frame, described: Future[_New] | DescribedFrame) -> DescribedFrame:
         """Return a description; a new one is also kept. Only the caller's thread uses the cache."""

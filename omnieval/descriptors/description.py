@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,3 +39,38 @@ class Descriptor(Protocol):
     def describe(self, panorama: NDArray[np.uint8]) -> Description:
         """Describe one grey panorama, shape (rows, columns), uint8."""
         ...
+
+
+@runtime_checkable
+class MaskedDescriptor(Protocol):
+    """A descriptor that can leave pixels out; one that cannot is given the panorama with these filled in.
+
+    The orientation descriptor of an image is rolled against others, a mask is not: it stays in the robot's frame. A
+    cell that is masked must therefore decide nothing, wherever it comes to lie. It takes the mean of the image's seen
+    cells: with m and n the means of two images, q and o their cells less these means, the squared distance at the roll
+    s is
+
+        sum_c |q_c|^2 + sum_c |o_c|^2 - 2 sum_c q_c o_(c+s) + cells |m - n|^2
+
+    and only the third term depends on s, to which a masked cell, where q or o is zero, adds nothing. A histogram of
+    zeros in its place would favour or punish the roll at which the masks of both images coincide.
+    """
+
+    def describe_masked(self, panorama: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Description:
+        """Describe the seen pixels of a grey panorama whose others are filled in, both of shape (rows, columns)."""
+        ...
+
+
+LEAST_SEEN = 0.25
+"""A cell of which less is seen counts as masked."""
+
+
+def with_neutral_cells(orientation: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return cells, shape (cells, bins), with the mean of the seen ones in place of those that are masked.
+
+    `share` is how much of each is seen, shape (cells,).
+    """
+    seen = share >= LEAST_SEEN
+    if seen.all() or not seen.any():
+        return orientation
+    return np.where(seen[:, np.newaxis], orientation, orientation[seen].mean(axis=0))

@@ -29,7 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from scipy.fft import fft2, fftfreq, ifft, irfft2, rfft2, rfftfreq
 from scipy.ndimage import gaussian_filter1d
 
-from omnieval.descriptors.description import Description
+from omnieval.descriptors.description import Description, with_neutral_cells
 from omnieval.errors import ConfigError
 
 _FREQUENCY = 0.3
@@ -100,6 +100,22 @@ class Gist:
         ConfigError
             If its size is not divisible into cells on every level.
         """
+        return self._describe(panorama, None)
+
+    def describe_masked(self, panorama: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Description:
+        """Describe the seen pixels of a panorama; see `description.MaskedDescriptor`.
+
+        A mean is that over the seen pixels of a cell; the filters themselves reach into what is filled in. A band
+        without a seen pixel is zero.
+
+        Raises
+        ------
+        ConfigError
+            See `describe`.
+        """
+        return self._describe(panorama, seen)
+
+    def _describe(self, panorama: NDArray[np.uint8], seen: NDArray[np.bool_] | None) -> Description:
         config = self.settings
         self._check_size(*panorama.shape)
         image = panorama.astype(np.float32)
@@ -110,12 +126,21 @@ class Gist:
         for level in range(config.levels):
             if level:
                 image = _halved(image, config.lowpass_sigma)
-            for j, magnitude in enumerate(_responses(image, config.orientations, config.padding)):
+            visible = None if seen is None else seen[:: 2**level, :: 2**level]
+            for j, response in enumerate(_responses(image, config.orientations, config.padding)):
+                magnitude = response if visible is None else response * visible
                 position[level, :, j] = magnitude.mean(axis=1).reshape(config.position_cells, -1).mean(axis=1)
                 if level == 0:
                     columns[j] = magnitude.mean(axis=0)
+            if visible is not None:
+                shares = visible.reshape(config.position_cells, -1).mean(axis=1)
+                position[level] /= np.maximum(shares, 1e-9)[:, np.newaxis]
         stride = panorama.shape[1] // config.orientation_cells
         orientation = _windows(columns, stride, config.orientation_width)
+        if seen is not None:
+            share = _windows(seen.mean(axis=0, dtype=np.float32)[np.newaxis], stride, config.orientation_width)
+            scaled = orientation.astype(np.float64) / np.maximum(share, 1e-9)
+            orientation = with_neutral_cells(scaled, share[:, 0].astype(np.float64)).astype(np.float32)
         return Description(
             _normalised(position.ravel(), config.normalisation), _normalised(orientation, config.normalisation)
         )

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from omnieval.descriptors.description import Description
+from omnieval.descriptors.description import Description, with_neutral_cells
 from omnieval.errors import ConfigError
 
 _VOTE_UNIT = 2.0**-20
@@ -72,6 +72,21 @@ class Hog:
         ConfigError
             If its size is not divisible into cells, or a cell would be wider than the panorama.
         """
+        return self._describe(panorama, None)
+
+    def describe_masked(self, panorama: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Description:
+        """Describe the seen pixels of a panorama; see `description.MaskedDescriptor`.
+
+        A histogram is that of its seen pixels, times the cell's size over their number. A band without any is zero.
+
+        Raises
+        ------
+        ConfigError
+            See `describe`.
+        """
+        return self._describe(panorama, seen)
+
+    def _describe(self, panorama: NDArray[np.uint8], seen: NDArray[np.bool_] | None) -> Description:
         config = self.settings
         rows, columns = panorama.shape
         if rows % config.position_cells or columns % config.orientation_cells:
@@ -86,15 +101,27 @@ class Hog:
             )
         stride = columns // config.orientation_cells
         strip = math.gcd(stride, config.orientation_width)
-        by_band, by_strip = self._histograms(panorama, strip)
-        orientation = _windows(by_strip, stride // strip, config.orientation_width // strip)
+        by_band, by_strip = self._histograms(panorama, strip, seen)
+        across = stride // strip, config.orientation_width // strip
+        orientation = _windows(by_strip, *across)
+        if seen is None:
+            orientation = _normalise(orientation, config.normalisation)
+        else:
+            bands = seen.reshape(config.position_cells, -1).mean(axis=1)
+            by_band = by_band / np.maximum(bands, 1e-9)[:, np.newaxis]
+            strips = seen.mean(axis=0).reshape(-1, strip).mean(axis=1)
+            share = _windows(strips[:, np.newaxis], *across)[:, 0] / across[1]
+            orientation = orientation / np.maximum(share, 1e-9)[:, np.newaxis]
+            orientation = _normalised_about(orientation, share, config.normalisation)
         return Description(
             _normalise(by_band, config.normalisation).ravel().astype(np.float32),
-            _normalise(orientation, config.normalisation).astype(np.float32),
+            orientation.astype(np.float32),
         )
 
-    def _histograms(self, panorama: NDArray[np.uint8], strip: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the histograms of every band of rows and of every strip of columns.
+    def _histograms(
+        self, panorama: NDArray[np.uint8], strip: int, seen: NDArray[np.bool_] | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the histograms of every band of rows and of every strip of columns, of seen pixels only.
 
         Shapes (bands, bins) and (columns / strip, bins). What both are sums of is counted once.
         """
@@ -105,7 +132,10 @@ class Hog:
         shape = bands, columns // strip, bins
         together = np.zeros(shape)
         for bin_of, weight_of in zip(self._votes.bins, self._votes.weights, strict=True):
-            votes = np.bincount(places + bin_of.take(gradient), weight_of.take(gradient), together.size)
+            weights = weight_of.take(gradient)
+            if seen is not None:
+                weights *= seen.ravel()
+            votes = np.bincount(places + bin_of.take(gradient), weights, together.size)
             together += votes.reshape(shape)
         return np.einsum("rcb->rb", together), together.sum(axis=0)
 
@@ -160,6 +190,13 @@ def _windows(by_strip: NDArray[np.float64], stride: int, width: int) -> NDArray[
     count = len(by_strip) // stride
     windows: NDArray[np.float64] = sums[width::stride][:count] - sums[::stride][:count]
     return windows
+
+
+def _normalised_about(histograms: NDArray[np.float64], share: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
+    """Normalise the histograms of cells of which only some are seen; those that are not are neutral."""
+    if kind == "global-l2":
+        return _normalise(with_neutral_cells(histograms, share), kind)
+    return with_neutral_cells(_normalise(histograms, kind), share)
 
 
 def _normalise(histograms: NDArray[np.float64], kind: str) -> NDArray[np.float64]:

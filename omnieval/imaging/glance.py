@@ -15,14 +15,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.datasets.sequence import Frame, Mirror, Sequence
+from omnieval.datasets.sequence import Frame, Sequence
 from omnieval.errors import DatasetError
-from omnieval.imaging.calibrate import estimate_mirror
+from omnieval.imaging.calibrate import MirrorEstimate, estimate_mirror, estimate_of
 from omnieval.imaging.decode import decode_grey
 
 _ESTIMATED_FROM = 32
 """Images to estimate the mirror from, spread over the calibration frames; more do not sharpen it."""
-_COMPUTATION = 2
+_COMPUTATION = 3
 """Raised when the estimate computes something else, so that what is remembered of earlier ones is not used."""
 
 
@@ -57,25 +57,41 @@ def image_size(sequence: Sequence, notebook: Notebook | None = None) -> tuple[in
     return known["width"], known["height"]
 
 
-def seen_mirror(sequence: Sequence, notebook: Notebook | None = None) -> tuple[Mirror, str]:
-    """Estimate the mirror from a sequence's calibration frames; return it and how it came about.
+def seen_mirror(sequence: Sequence, notebook: Notebook | None = None) -> MirrorEstimate:
+    """Estimate the mirror from a sequence's calibration frames.
+
+    The first frames decide alone if they differ enough and show a mirror, so that a sequence that grows keeps its
+    camera. Otherwise, as for a robot that stands still at first, frames spread over the whole sequence do.
 
     Raises
     ------
     DatasetError
         If one of them cannot be read or has another size.
     """
-    count = len(sequence.calibration)
+    first, spread = (
+        sequence.calibration[: sequence.FIRST_FRAMES],
+        sequence.calibration[sequence.FIRST_FRAMES :],
+    )
+    estimate = _estimate(first, notebook)
+    if spread and not (estimate.mirror is not None and estimate.moved and estimate.blind_spot_seen):
+        wider = _estimate(spread, notebook)
+        if wider.mirror is not None or estimate.mirror is None:
+            return wider
+    return estimate
+
+
+def _estimate(calibration: Frames[Frame], notebook: Notebook | None) -> MirrorEstimate:
+    count = len(calibration)
     chosen = sorted({round(index) for index in np.linspace(0, count - 1, min(count, _ESTIMATED_FROM))})
-    frames = [sequence.calibration[index] for index in chosen]
+    frames = [calibration[index] for index in chosen]
     key = files_key("mirror", frames)
     known = notebook.recall(key) if notebook is not None else None
-    if known is None:
-        estimate = estimate_mirror(_equal_sized(frames))
-        known = {"mirror": asdict(estimate.mirror), "note": estimate.note}
-        if notebook is not None:
-            notebook.remember(key, known)
-    return Mirror(**known["mirror"]), known["note"]
+    if known is not None:
+        return estimate_of(known)
+    estimate = estimate_mirror(_equal_sized(frames))
+    if notebook is not None:
+        notebook.remember(key, asdict(estimate))
+    return estimate
 
 
 def _equal_sized(frames: Frames[Frame]) -> list[NDArray[np.uint8]]:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.datasets.belt import Belt
 from omnieval.datasets.sequence import Mirror
 
 
@@ -38,11 +39,14 @@ class Unwrapper:
 
 
 class Resizer:
-    """Brings panoramas to the size that descriptors expect, by area interpolation."""
+    """Brings panoramas, or a belt of them, to the size that descriptors expect, by area interpolation."""
 
-    def __init__(self, rows: int, columns: int) -> None:
+    def __init__(self, rows: int, columns: int, belt: Belt | None = None) -> None:
         self._size = (columns, rows)
+        self._belt = belt
 
     def panorama(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Resize a panorama, shape (height, width) or (height, width, 3); returns (rows, columns[, 3])."""
+        if self._belt is not None:
+            image = image[self._belt.rows(len(image))]
         return cv2.resize(image, self._size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)

@@ -237,7 +237,7 @@ def determining(run: Run) -> dict[str, Any]:
         **{f"cut.{name}": value for name, value in manifest["cut"].items()},
         "skipped": len(manifest.get("skipped") or ()),
         **config.settings,
-        **{f"camera.{name}": value for name, value in flattened(camera) if name != "origin"},
+        **{f"camera.{name}": value for name, value in flattened(camera) if name not in ("origin", "mask_file")},
         **{
             f"{one.kind}.{what}": one.identity[what]
             for one in (config.mapper, config.descriptor)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from omnieval.imaging.camera import camera_in_words
 from omnieval.imaging.soundness import BadImage, in_words
 from omnieval.metrics.catalogue import THETA
 from omnieval.metrics.evaluation import Evaluation
@@ -26,6 +27,8 @@ def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     metrics, timings = manifest["metrics"], manifest["timings"]
     yield "source", shown(manifest["source"])
     yield "frames", f"{manifest['frames']} in {timings['seconds']:.1f} s ({timings['frames_per_second']:.0f} frames/s)"
+    if camera := manifest["camera"]:
+        yield "camera", camera_in_words(camera)
     if skipped := skipped_images(manifest):
         yield "skipped", skipped
     if poses := _poses(manifest):
@@ -111,10 +114,13 @@ def _value(value: float | int | None, reason: str | None) -> str:
     return f"{value:.4f}" if value is not None else f"none: {reason}"
 
 
-def configuration_page(name: str, source: str, parameters: Mapping[str, Any]) -> str:
-    """Return a Markdown page that says what a run replays and with which parameters."""
+def configuration_page(
+    name: str, source: str, parameters: Mapping[str, Any], camera: Mapping[str, Any] | None = None
+) -> str:
+    """Return a Markdown page that says what a run replays, through which camera, and with which parameters."""
     rows = [(parameter, str(value)) for parameter, value in parameters.items()]
-    return f"# {name}\n\n`{source}`\n\n## Parameters\n\n{markdown(('parameter', 'value'), rows)}\n"
+    seen = f"Camera: {camera_in_words(camera)}\n\n" if camera else ""
+    return f"# {name}\n\n`{source}`\n\n{seen}## Parameters\n\n{markdown(('parameter', 'value'), rows)}\n"
 
 
 def metrics_page(evaluation: Evaluation) -> str:

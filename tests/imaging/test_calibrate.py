@@ -1,5 +1,6 @@
-"""The mirror found in images of a moving robot, under what real images do to it."""
+"""The mirror found in images of a robot, under what real optics do to it, and refused where there is none."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -7,78 +8,108 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from omnieval.datasets.sequence import Mirror
-from omnieval.imaging.calibrate import default_mirror, estimate_mirror
-
-
-def moving_images(
-    mirror, *, count=12, size=(240, 320), surround=0.0, noise=0.0, plain_sector=False, light=1.0, gain=0.0, seed=0
-):
-    """Something different in every frame within the mirror; surroundings and the camera's reflection never change."""
-    rng = np.random.default_rng(seed)
-    v, u = np.mgrid[0 : size[0], 0 : size[1]]
-    radius = np.hypot(u - mirror.cx, v - mirror.cy)
-    seen = np.clip(np.minimum(mirror.r_out - radius, radius - mirror.r_in) + 0.5, 0, 1)
-    if plain_sector:  # a white wall along the rim and a plain floor about the blind spot, in half of the directions
-        plain = (np.arctan2(v - mirror.cy, u - mirror.cx) > 0) & (np.abs(radius - mirror.r_out) < 12)
-        plain |= (np.arctan2(v - mirror.cy, u - mirror.cx) < -1) & (np.abs(radius - mirror.r_in) < 15)
-    static = surround * gaussian_filter(rng.normal(size=size), 12) * 500 + 30
-    images = []
-    for _ in range(count):
-        scene = 128 + 900 * gaussian_filter(rng.normal(size=size), 5)
-        if plain_sector:
-            scene = np.where(plain, 200, scene)
-        image = light * (seen * scene + (1 - seen) * static)
-        if gain:
-            image *= rng.uniform(1 - gain, 1 + gain)
-        if noise:
-            image += noise * rng.normal(size=size)
-        images.append(np.clip(image, 0, 255).astype(np.uint8))
-    return images
-
+from omnieval.imaging.calibrate import Trust, estimate_mirror, estimate_of
+from tests.imaging.donuts import donuts, panoramas
 
 CASES: dict[str, tuple[Mirror, dict[str, Any]]] = {
-    "clean": (Mirror(163.0, 118.0, 22.0, 112.0), {}),
-    "bright surroundings": (Mirror(163.0, 118.0, 22.0, 112.0), {"surround": 1.0}),
-    "noise": (Mirror(157.5, 121.5, 25.0, 100.0), {"noise": 3.0, "surround": 0.5}),
-    "rim cut by the image": (Mirror(160.0, 120.0, 25.0, 128.0), {}),
-    "night": (Mirror(157.5, 121.5, 25.0, 100.0), {"light": 0.15, "noise": 3.0, "surround": 0.5, "count": 24}),
-    "automatic exposure": (Mirror(163.0, 118.0, 22.0, 112.0), {"gain": 0.3, "surround": 0.5}),
-    "plain walls and floor": (Mirror(165.0, 116.0, 20.0, 105.0), {"plain_sector": True}),
+    "plain": (Mirror(163.0, 118.0, 22.0, 112.0), {}),
+    "rim cut above and below, a strut, bright surroundings": (
+        Mirror(170.0, 112.0, 24.0, 128.0),
+        {"strut": True, "background": "bright"},
+    ),
+    "rim partly outside": (Mirror(40.0, 120.0, 25.0, 110.0), {}),
+    "surroundings as grey as the scene": (Mirror(150.0, 125.0, 20.0, 90.0), {"background": "grey", "seed": 1}),
+    "blind spot aside": (Mirror(163.0, 118.0, 22.0, 112.0), {"aside": (8, -5)}),
+    "a small image": (Mirror(40.0, 30.0, 6.0, 26.0), {"size": (60, 80)}),
+    "far from the middle of a wide image": (Mirror(300.0, 75.0, 15.0, 65.0), {"size": (200, 480)}),
+    "padded to twice its height": (Mirror(240.0, 120.0, 24.0, 112.0), {"size": (240, 480)}),
+    "low light": (Mirror(157.0, 121.0, 25.0, 100.0), {"light": 0.08, "noise": 3.0, "count": 16}),
+    "a robot that stands": (Mirror(163.0, 118.0, 22.0, 112.0), {"still": True}),
+    "one image": (Mirror(163.0, 118.0, 22.0, 112.0), {"count": 1}),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_mirror_is_found(case):
     mirror, conditions = CASES[case]
-    estimate = estimate_mirror(moving_images(mirror, **conditions))
-    assert estimate.source == "estimated"
+    estimate = estimate_mirror(donuts(mirror, **conditions))
     found = estimate.mirror
+    assert found is not None, estimate.note
+    assert np.hypot(found.cx - mirror.cx, found.cy - mirror.cy) < 1.0
+    assert found.r_out == pytest.approx(mirror.r_out, abs=1.5)
+    assert found.r_in == pytest.approx(mirror.r_in, abs=1.5)
+    assert estimate.blind_spot_seen
+    assert estimate.moved is not (case in ("a robot that stands", "one image"))
+
+
+def test_a_rim_that_is_no_edge_is_where_movement_ends():
+    """Exposure that follows the scene, and a plain wall along half of the rim: nothing but noise tells it there."""
+    mirror = Mirror(165.0, 116.0, 20.0, 105.0)
+    rng = np.random.default_rng(0)
+    v, u = np.mgrid[0:240, 0:320]
+    radius = np.hypot(u - mirror.cx, v - mirror.cy)
+    plain = (np.arctan2(v - mirror.cy, u - mirror.cx) > 0) & (np.abs(radius - mirror.r_out) < 12)
+    within = (radius < mirror.r_out) & (radius > mirror.r_in) & ~plain
+    static = 120 + 60 * gaussian_filter(rng.normal(size=(240, 320)), 12)
+    images = []
+    for _ in range(12):
+        scene = np.where(within, 128 + 900 * gaussian_filter(rng.normal(size=(240, 320)), 5), static)
+        images.append(np.clip(rng.uniform(0.8, 1.2) * scene, 0, 255).astype(np.uint8))
+    found = estimate_mirror(images).mirror
+    assert found is not None
     assert np.hypot(found.cx - mirror.cx, found.cy - mirror.cy) < 2.0
     assert found.r_out == pytest.approx(mirror.r_out, abs=4.0)
-    assert found.r_in == pytest.approx(mirror.r_in, abs=4.0)
-    assert f"residual {estimate.residual:.1f} px" in estimate.note
 
 
-def test_without_a_blind_spot_its_default_goes_with_the_rim_found():
-    estimate = estimate_mirror(moving_images(Mirror(163.0, 118.0, 0.0, 112.0)))
-    assert estimate.source == "estimated"
-    assert estimate.mirror.r_in == pytest.approx(estimate.mirror.r_out * 0.15 / 0.47)
+def test_trust_is_in_numbers_and_in_words():
+    estimate = estimate_mirror(donuts(Mirror(170.0, 112.0, 24.0, 128.0)))
+    trust = estimate.trust
+    assert trust is not None
+    assert trust.visible == pytest.approx(0.75, abs=0.05)
+    assert trust.seen > 0.9
+    assert trust.residual < 0.5
+    assert trust.agreement is not None
+    assert trust.agreement < 1.0
+    assert str(trust) in estimate.note
+    words = "rim seen on 92 % of its visible part (75 % of the circle), residual 0.3 px"
+    assert str(Trust(0.75, 0.92, 0.31, None)) == words
+    assert str(Trust(0.75, 0.92, 0.31, 0.44)) == f"{words}, halves of the images agree to 0.4 px"
+    assert estimate_of(asdict(estimate)) == estimate
+
+
+def test_halves_of_the_images_that_show_different_rims_are_not_trusted():
+    """A camera that was knocked: whatever one circle says of it is wrong for half of the images."""
+    one = donuts(Mirror(120.0, 118.0, 22.0, 80.0), count=8)
+    other = donuts(Mirror(200.0, 122.0, 22.0, 80.0), count=8)
+    mixed = [image for pair in zip(one, other, strict=True) for image in pair]
+    assert estimate_mirror(mixed).mirror is None
+
+
+def test_without_a_blind_spot_its_radius_goes_with_the_rim_and_that_is_said():
+    estimate = estimate_mirror(donuts(Mirror(163.0, 118.0, 0.0, 112.0)))
+    assert estimate.mirror is not None
+    assert not estimate.blind_spot_seen
+    assert estimate.mirror.r_in == pytest.approx(estimate.mirror.r_out * 0.15 / 0.47, abs=0.01)
     assert "blind spot not seen" in estimate.note
+
+
+def side_by_side():
+    one, other = (donuts(Mirror(120.0, 120.0, 0.0, 118.0), size=(240, 240), seed=seed) for seed in (1, 2))
+    return [np.hstack(pair) for pair in zip(one, other, strict=True)]
 
 
 @pytest.mark.parametrize(
     ("images", "why"),
     [
         ([np.zeros((240, 320), np.uint8)] * 10, "nothing moves"),
-        ([np.zeros((240, 320), np.uint8)] * 2, "too few"),
         (list(np.random.default_rng(0).integers(0, 256, (8, 240, 320), np.uint8)), "no circle"),
+        (panoramas(), "no circle"),
+        (panoramas(count=1), "no circle"),
+        ([panoramas()[0]] * 8, "no circle"),
+        (side_by_side(), "two discs"),
     ],
 )
-def test_without_a_mirror_to_see_the_default_is_taken_and_said_so(images, why):
+def test_where_there_is_no_mirror_there_is_no_estimate(images, why):
     estimate = estimate_mirror(images)
-    assert (estimate.source, estimate.mirror) == ("default", default_mirror(320, 240))
+    assert estimate.mirror is None
     assert why in estimate.note
-
-
-def test_the_default_is_centred():
-    assert default_mirror(640, 480) == Mirror(320.0, 240.0, 0.15 * 480, 0.47 * 480)

@@ -202,15 +202,19 @@ def test_images_that_show_nothing_are_replayed(draw, descriptor, command, tmp_pa
     assert all(value is None or np.isfinite(value) for value in run.steps["prominence"])
 
 
-def test_black_omnidirectional_images_get_the_default_mirror_and_run_json_says_so(command, tmp_path):
+def test_black_omnidirectional_images_show_no_mirror_and_are_refused_saying_how_to_tell(command, tmp_path):
     data = tmp_path / "data"
     data.mkdir()
     for number in range(20):
         cv2.imwrite(str(data / f"{number}.png"), np.zeros((48, 64), np.uint8))
-    outcome = command("replay", data, "--no-rrd", "--json")
+    refused(
+        command("replay", data, "--no-rrd"), 3, "nothing moves in the images", "--preview", "imaging.cx", "--camera"
+    )
+    told = [f"imaging.{name}={value}" for name, value in (("cx", 32), ("cy", 24), ("r_in", 5), ("r_out", 22))]
+    outcome = command("replay", data, "--no-rrd", "--json", *(word for one in told for word in ("--set", one)))
     assert outcome.code == 0
     one_line(outcome.err, "shows nothing", "[no-contrast]")
-    assert json.loads(outcome.out)["camera"]["origin"] == "default, because nothing moves in the images"
+    assert json.loads(outcome.out)["camera"]["origin"] == "configuration"
 
 
 def test_two_identical_images_are_at_distance_0_and_the_map_is_sound(command, panoramas, tmp_path):

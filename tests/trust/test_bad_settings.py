@@ -186,10 +186,17 @@ def test_the_mapper_runs_at_the_edges_of_every_range_or_refuses_them(name, comma
             assert (outcome.code, outcome.err) == (0, "")
 
 
-@pytest.mark.parametrize("name", [name for name in PARAMETERS if "." in name])
+_OF_MIRRORS = ("imaging.cx", "imaging.cy", "imaging.r_in", "imaging.r_out")
+_OTHERWISE = ("imaging.kind", "imaging.belt", "imaging.mask")
+"""Parameters that the images decide about, tested where they are."""
+
+
+@pytest.mark.parametrize("name", [name for name in PARAMETERS if "." in name and name not in _OTHERWISE])
 def test_descriptors_and_imaging_run_at_the_edges_of_every_range_or_refuse_them(name, command, panoramas, tmp_path):
     descriptor = "gist" if name.startswith("gist.") else "hog"
-    kind = ["--set", "imaging.kind=omnidirectional"] if name.startswith(("imaging.c", "imaging.r_")) else []
+    mirror = {"cx": 128, "cy": 32, "r_in": 4, "r_out": 30}
+    told = [f"imaging.{part}={value}" for part, value in mirror.items()] if name in _OF_MIRRORS else []
+    kind = [word for one in told for word in ("--set", one)]
     for number, value in enumerate(_edges(PARAMETERS[name])):
         arguments = ["--limit", "1", "--descriptor", descriptor, *kind, "--set", f"{name}={value}"]
         outcome = command("describe", panoramas, *arguments, "--out", f"{number}.npz")

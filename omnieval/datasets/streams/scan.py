@@ -52,7 +52,7 @@ def scan_stream(
         if locate is not None and "pose-topic" in address.options:
             contents = _located(contents, decoded(address, files, lambda _: locate(contents))[1])
         camera_file = address.path.parent / CAMERA_FILE
-        camera = parse_camera(read_text(camera_file)) if exists(camera_file) else base.camera
+        camera = parse_camera(read_text(camera_file), camera_file.parent) if exists(camera_file) else base.camera
     except DatasetError as error:
         return replace(base, findings=(Finding("error", "unreadable-stream", ROOT, str(error)),))
     frames, remarks = in_time(contents.frames)
