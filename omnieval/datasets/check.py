@@ -76,25 +76,19 @@ A BMP that was overwritten somewhere in its middle is not found: see `omnieval.d
 
 from __future__ import annotations
 
-import math
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
-from omnieval.datasets.cards import card
-from omnieval.datasets.findings import ROOT, Finding, in_order
+from omnieval.datasets.card_findings import card_findings, path_length, size_findings
+from omnieval.datasets.findings import Finding, in_order
 from omnieval.datasets.image_findings import image_findings
 from omnieval.datasets.images import ImageReport, inspect_image, usual_size
 from omnieval.datasets.registry import scan
-from omnieval.datasets.scan import Scan
 from omnieval.datasets.sequence import Frame
-
-LENGTH_TOLERANCE = 0.02
-"""Relative; publications do not say how they measured the length."""
 
 Progress = Callable[[int, int], None]
 """Called with the number of images read and to read."""
@@ -162,7 +156,8 @@ def check(source: str | Path, *, progress: Progress | None = None) -> CheckRepor
     findings = [
         *found.findings,
         *image_findings({found.place_of(path): report for path, report in reports.items()}),
-        *_card_findings(found, length, size),
+        *card_findings(found),
+        *size_findings(size, found.expected_size),
     ]
     return CheckReport(
         source=found.source,
@@ -177,15 +172,6 @@ def check(source: str | Path, *, progress: Progress | None = None) -> CheckRepor
         rooms=dict(sorted(Counter(frame.room for frame in found.frames if frame.room is not None).items())),
         findings=in_order(findings),
     )
-
-
-def path_length(frames: tuple[Frame, ...]) -> float | None:
-    """Return the length of the polyline through the positions, metres; None unless all are known and finite."""
-    positions = [(frame.pose.x, frame.pose.y) for frame in frames if frame.pose is not None]
-    if not frames or len(positions) < len(frames):
-        return None
-    length = sum(math.dist(a, b) for a, b in pairwise(positions))
-    return length if math.isfinite(length) else None
 
 
 def duration(frames: tuple[Frame, ...]) -> float | None:
@@ -206,32 +192,3 @@ def _inspect_all(paths: list[Path], progress: Progress | None) -> Iterator[Image
                 if progress is not None:
                     progress(done, len(paths))
                 yield report
-
-
-def _card_findings(found: Scan, length: float | None, size: tuple[int, int] | None) -> list[Finding]:
-    known = found.own_card or (card(found.card) if found.card else None)
-    if known is None:
-        return []
-    findings: list[Finding] = []
-    if size is not None and known.image_size is not None and known.image_size != size:
-        message = f"images are {_pixels(size)}, the card {known.name} says {_pixels(known.image_size)}"
-        findings.append(Finding("warning", "size-differs", ROOT, message))
-    expected = known.sequence(found.card_sequence)
-    if expected is None:
-        return findings
-    label = f"the card {known.name} says {expected.path} has"
-    if expected.images is not None and expected.images != len(found.frames):
-        message = f"{len(found.frames)} images, {label} {expected.images}"
-        findings.append(Finding("warning", "count-differs", ROOT, message))
-    if expected.length_m is not None and length is not None and _differs(length, expected.length_m):
-        message = f"the path is {length:.2f} m long, {label} {expected.length_m:.2f} m"
-        findings.append(Finding("warning", "length-differs", ROOT, message))
-    return findings
-
-
-def _differs(length: float, expected: float) -> bool:
-    return abs(length - expected) > LENGTH_TOLERANCE * expected
-
-
-def _pixels(size: tuple[int, int]) -> str:
-    return f"{size[0]} x {size[1]}"

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+from omnieval.datasets.card_findings import card_findings
 from omnieval.datasets.cold_folders import KNOWN_LAYOUTS, ImageFolders, find_images
 from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.scan import (
@@ -67,7 +68,8 @@ def load(
     DatasetError
         If the source is unknown, or the sequence is missing or faulty.
     """
-    return scan(posed_source(source, poses, poses_tolerance, poses_interpolate)).sequence()
+    found = scan(posed_source(source, poses, poses_tolerance, poses_interpolate))
+    return replace(found, findings=(*found.findings, *card_findings(found))).sequence()
 
 
 def scan(source: str | Path) -> Scan:

@@ -8,15 +8,12 @@ from collections.abc import Sequence as Frames
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from omnieval.datasets.cards import Card, card
 from omnieval.datasets.findings import ROOT, Finding, errors
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
 from omnieval.errors import DatasetError
 from omnieval.wording import shown
-
-if TYPE_CHECKING:
-    from omnieval.datasets.cards import Card
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 _UNREAD_SUFFIXES = (
@@ -61,6 +58,16 @@ class Scan:
     card_sequence: str | None = None
     own_card: Card | None = None
 
+    @property
+    def known_card(self) -> Card | None:
+        """The card that describes it, if any."""
+        return self.own_card or (card(self.card) if self.card else None)
+
+    @property
+    def expected_size(self) -> tuple[int, int] | None:
+        """(width, height) of the images in pixels as its card says."""
+        return self.known_card.image_size if self.known_card else None
+
     def place_of(self, path: Path) -> str:
         """Return where an image lies, as findings name it."""
         return place_of(path, self.root)
@@ -83,6 +90,7 @@ class Scan:
             camera=self.camera,
             card=self.card,
             findings=self.findings,
+            expected_size=self.expected_size,
         )
 
 

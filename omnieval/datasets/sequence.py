@@ -113,6 +113,8 @@ class Sequence:
         Name of the data card that describes the sequence's family, if any.
     findings
         What is odd about it (an error among them would have forbidden to load it), whatever the cut.
+    expected_size
+        (width, height) of its images in pixels, as the data card says; None if it does not.
     cut_from
         (start, stride, limit) that cut this sequence out of the whole one at once, (0, 1, None) for the whole.
     """
@@ -125,6 +127,7 @@ class Sequence:
     calibration: tuple[Frame, ...] = ()
     card: str | None = None
     findings: tuple[Finding, ...] = ()
+    expected_size: tuple[int, int] | None = None
     cut_from: _Cut = (0, 1, None)
 
     FIRST_FRAMES = 64

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from omnieval.datasets.card_findings import size_findings
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.image_findings import bits_of, image_findings
 from omnieval.datasets.images import ImageReport, examine_image, inspect_image, usual_size, wrong_size
@@ -44,13 +45,14 @@ def examined(sequence: Sequence, notebook: Notebook | None = None) -> Sequence:
         such image, counts the others, and says what to do.
     """
     try:
-        key = files_key(_NOTE, sequence.frames)
+        key = files_key(f"{_NOTE} {sequence.expected_size}", sequence.frames)
     except DatasetError:
         key = None  # a file is not there, which is said below
     known = notebook.recall(key) if key is not None and notebook is not None else None
     if known is None:
         reports = {frame.path: examine_image(frame.path) for frame in sequence.frames}
         findings = image_findings({place_of(path, sequence.root): report for path, report in reports.items()})
+        findings += size_findings(usual_size(reports.values()), sequence.expected_size)
         if bad := _bad_images(reports):
             _refuse(bad, sequence)
         known = {"findings": list(map(asdict, findings)), "bits": bits_of(reports.values())}

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from omnieval.datasets import Pose
+from omnieval.datasets import Pose, load
 from omnieval.datasets import check as check_module
-from omnieval.datasets.check import check, duration, path_length
+from omnieval.datasets.card_findings import path_length
+from omnieval.datasets.check import check, duration
 from omnieval.datasets.cold import format_name
 from omnieval.datasets.sequence import Frame
 from omnieval.errors import DatasetError
+from omnieval.imaging.soundness import examined
 from tests.datasets.trees import START_NS, codes, cold_names, image_bytes, make_cold, make_folder
 
 
@@ -183,6 +185,8 @@ class TestCold:
         assert re.search(r"16 x 12, .* 640 x 480", messages["size-differs"])
         assert len(messages) == len(report.findings)
         assert report.ok
+        opened = {finding for finding in examined(load(root)).findings if finding.severity != "info"}
+        assert opened == set(report.findings)
 
     def test_an_unlisted_sequence_of_a_known_family_has_only_its_size_compared(self, tmp_path):
         root = make_cold(tmp_path / "cold-freiburg" / "part_a" / "seq9_cloudy1", cold_names(3))
