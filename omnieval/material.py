@@ -203,12 +203,33 @@ def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
     ResultError
         If it has changed since, or its descriptor cannot be made again.
     """
-    manifest = run.manifest
+    files = run.steps["file"].to_list()
+    with reopened_as(run.manifest, files, str(run.folder), describe=describe) as material:
+        yield material
+
+
+@contextmanager
+def reopened_as(
+    manifest: Mapping[str, Any], files: Frames[str], where: str, *, describe: bool = True
+) -> Iterator[Material]:
+    """Give what a ``run.json`` tells of, exactly as it was; see `reopened`.
+
+    Parameters
+    ----------
+    manifest
+        What tells of source, cut, components, imaging, camera and images left out.
+    files
+        Names of its images.
+    where
+        What to call the folder it stands in.
+    describe
+        See `reopened`.
+    """
     config = Config.of_run(manifest)
     cut = Cut(**manifest["cut"])
     source: str = manifest["source"]
     if (file := archive_file(source)) is not None:
-        yield _of_run(run, _of_archive(file, cut))
+        yield _as_it_was(manifest, files, where, _of_archive(file, cut))
         return
     if describe:
         config = described_again(config)
@@ -220,7 +241,7 @@ def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
     with DescriptorCache() as cache:
         camera = camera_of(manifest["camera"], image_size(sequence, cache))
         cells = None if describe else manifest["orientation_cells"]
-        yield _of_run(run, _of_images(sequence, config, cache, skipped, camera, cells))
+        yield _as_it_was(manifest, files, where, _of_images(sequence, config, cache, skipped, camera, cells))
 
 
 def archive_file(source: Source) -> Path | None:
@@ -426,9 +447,8 @@ def held_against(material: Material, files: Frames[str], fingerprint: str | None
     return dataclasses.replace(material, described=described())
 
 
-def _of_run(run: Run, material: Material) -> Material:
-    files = run.steps["file"].to_list()
-    return held_against(material, files, run.manifest.get("dataset_fingerprint"), str(run.folder))
+def _as_it_was(manifest: Mapping[str, Any], files: Frames[str], where: str, material: Material) -> Material:
+    return held_against(material, files, manifest.get("dataset_fingerprint"), where)
 
 
 def _within_a_building(frame: Frame) -> Frame:

@@ -12,17 +12,29 @@ def render(
 ) -> None:
     """Rebuild the recording of a run from its tables and images.
 
+    Of a localisation: each query beside what was found in the map, and where both were taken.
+
     Recordings are readable by neighbouring versions of the viewer only; the tables are the record.
 
     Examples:
 
       omnieval render runs/synthetic-cloudy-hog
+
+      omnieval render runs/light --every 10
     """
     from omnieval.cli.console import note, progress
+    from omnieval.localization.recorded import record_localization
+    from omnieval.localization.run import KIND as LOCALIZATION
+    from omnieval.localization.run import open_localization
     from omnieval.recording import RecordingOptions
     from omnieval.render import render as rebuild
+    from omnieval.results.manifest import kind_of
     from omnieval.results.run_folder import open_run
 
+    recorded = RecordingOptions(images=not no_images, every=every)
     with progress("rendering") as report:
-        path = rebuild(open_run(run), RecordingOptions(images=not no_images, every=every), progress=report, note=note)
+        if kind_of(run) == LOCALIZATION:
+            path = record_localization(open_localization(run), recorded, progress=report, note=note)
+        else:
+            path = rebuild(open_run(run), recorded, progress=report, note=note)
     print(path)

@@ -15,7 +15,9 @@ _KEPT = 8
 
 
 def view(
-    runs: Annotated[list[Path], typer.Argument(help="Run folders, or recordings (.rrd) of omnieval.", metavar="RUN")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Folders of runs or localisations, or recordings (.rrd).", metavar="RUN")
+    ],
     web: Annotated[
         bool, typer.Option("--web", help="Serve them to a browser on this machine, until Ctrl-C; needs no display.")
     ] = False,
@@ -40,11 +42,15 @@ def view(
       omnieval view --web runs/a
     """
     from omnieval.cli.console import note
+    from omnieval.localization.run import KIND as LOCALIZATION
+    from omnieval.localization.run import RECORDING
     from omnieval.recording.viewer import check_recording, open_viewer
+    from omnieval.results.manifest import expanded, kind_of
     from omnieval.results.run_folder import open_run
 
-    opened = [open_run(run) for run in runs if not _is_recording(run)]
-    recordings = [run for run in runs if _is_recording(run)] + [_recording(run) for run in opened]
+    opened = [open_run(run) for run in runs if not _is_recording(run) and kind_of(run) != LOCALIZATION]
+    recordings = [run for run in runs if _is_recording(run)] + [_recording(run.folder, run.recording) for run in opened]
+    recordings += [_recording(run, expanded(run) / RECORDING) for run in runs if kind_of(run) == LOCALIZATION]
     for recording in recordings:
         check_recording(recording)
     if len(opened) == len(runs) == 2 and (both := _side_by_side(opened[0], opened[1])):
@@ -80,12 +86,12 @@ def _is_recording(path: Path) -> bool:
     return path.suffix == ".rrd" and not path.is_dir()
 
 
-def _recording(run: Run) -> Path:
+def _recording(folder: Path, recording: Path) -> Path:
     from omnieval.errors import ResultError
 
-    if not run.recording.exists():
-        raise ResultError(f"{run.folder} has no recording; make one with: omnieval render {run.folder}")
-    return run.recording
+    if not recording.exists():
+        raise ResultError(f"{folder} has no recording; make one with: omnieval render {folder}")
+    return recording
 
 
 def _side_by_side(one: Run, other: Run) -> Path | None:

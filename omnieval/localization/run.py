@@ -43,6 +43,8 @@ from omnieval.results.run_folder import Run, free_folder, open_run
 
 KIND = "localization"
 TABLE = "localization.parquet"
+RECORDING = "localization.rrd"
+"""See `localization.recorded`."""
 Progress = Callable[[int, int], None]
 
 
@@ -170,7 +172,7 @@ def localize(
     }
     total = len(chosen) * sum(len(query.frames) for query in queries)
     rows: list[dict[str, Any]] = []
-    with ResultFolder(folder, KIND, about, files=[TABLE], overwrite=overwrite) as held:
+    with ResultFolder(folder, KIND, about, files=[TABLE, RECORDING], overwrite=overwrite) as held:
         for strategy in chosen:
             finder = STRATEGIES[strategy](map_, mapper)
             for query in queries:

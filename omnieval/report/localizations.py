@@ -60,7 +60,7 @@ def route_figure(found: Localization, posed: pl.DataFrame) -> Figure:
     stride = -(-longest // _MOST)
     drawn = posed.gather_every(1) if stride == 1 else posed.filter(pl.col("query") % stride == 0)
     data = drawn.select("sequence", "strategy", "query", "error", "reachable", "verdict")
-    panels = [_route_panel(data.filter(sequence=one), one, strategies, last=one == sequences[-1]) for one in sequences]
+    panels = [_route_panel(data.filter(sequence=one), one, strategies) for one in sequences]
     worst = float(posed["error"].max() or 0.0)  # type: ignore[arg-type]
     return Figure(
         key="route",
@@ -68,7 +68,7 @@ def route_figure(found: Localization, posed: pl.DataFrame) -> Figure:
         caption=sentences(
             [
                 f"How far from the query the image was taken that was found in the map of {_map_name(found)}: metres, "
-                "along the drive, on a scale of square roots. Black is the nearest image of the map, the best that "
+                "along the drive, on a scale of square roots. The nearest image of the map is the best that "
                 "could be had.",
                 "Marks above are queries that a strategy refused.",
                 f"Every {ordinal(stride)} query is drawn." if stride > 1 else "",
@@ -85,7 +85,7 @@ def cumulative_figure(found: Localization, posed: pl.DataFrame) -> Figure:
     """Return the share of queries that were found within a distance, a panel a sequence, a line a strategy."""
     sequences, strategies = _names(posed, "sequence"), _names(posed, "strategy")
     farthest = max(1.0, float(np.percentile(posed["error"].drop_nulls().to_numpy(), 99))) if _any(posed) else 1.0
-    limits = np.linspace(0.0, farthest, _SHARES)
+    limits = farthest * np.linspace(0.0, 1.0, _SHARES) ** 2
     rows = [
         {"sequence": sequence, "strategy": strategy, "within": float(limit), "share": share}
         for sequence in sequences
@@ -181,11 +181,11 @@ def localization_facts(found: Localization) -> Mapping[str, str]:
     }
 
 
-def _route_panel(rows: pl.DataFrame, sequence: str, strategies: Sequence[str], *, last: bool) -> Chart:
+def _route_panel(rows: pl.DataFrame, sequence: str, strategies: Sequence[str]) -> Chart:
     colors = _colors(strategies)
     domain = [*colors, "nearest of the map"]
     scale = alt.Scale(domain=domain, range=[*colors.values(), INK])
-    legend = alt.Legend(orient="bottom", symbolType="stroke", symbolSize=500, symbolStrokeWidth=3) if last else None
+    legend = alt.Legend(orient="bottom", symbolType="stroke", symbolSize=500, symbolStrokeWidth=3)
     first = rows.filter(strategy=strategies[0])
     best = [{"query": q, "error": r, "what": domain[-1]} for q, r in first.select("query", "reachable").iter_rows()]
     lines = [*rows.select("query", "error", what="strategy").iter_rows(named=True), *best]
@@ -209,7 +209,7 @@ def _cumulative_panel(rows: pl.DataFrame, sequence: str, strategies: Sequence[st
     colors = _colors(strategies)
     legend = alt.Legend(orient="bottom", symbolType="stroke", symbolSize=500, symbolStrokeWidth=3)
     base = alt.Chart(alt.InlineData(values=rows.to_dicts())).encode(
-        x=alt.X("within:Q", title="error of at most, m").scale(nice=False),
+        x=alt.X("within:Q", title="error of at most, m").scale(type="sqrt", nice=False),
         y=alt.Y("share:Q", title="share of queries").scale(domain=[0, 1]),
         color=alt.Color("strategy:N", title=None, legend=legend).scale(
             domain=list(colors), range=list(colors.values())
