@@ -76,7 +76,8 @@ def test_a_bag_decides_as_its_images_in_a_folder(kind, images, run_of_folder, tm
 
 def test_a_run_over_a_video_is_opened_again_even_after_the_cache_was_emptied(video, tmp_path):
     made = in_process("replay", video, "--decode-every", 2, *OPTIONS, "--out", "run", cwd=tmp_path)
-    assert (made.returncode, made.stderr) == (0, f"omnieval: decoding {video} into the cache, once\n")
+    assert made.returncode == 0, made.stderr
+    assert made.stderr.startswith(f"omnieval: decoding {video} into the cache, once\n")
     recording = tmp_path / "run" / "replay.rrd"
     steps = check_recording(recording)
     assert steps == FRAMES // 2

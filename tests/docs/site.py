@@ -27,6 +27,7 @@ STANDS_FOR = {
     "cold:data/seq2_cloudy3": "cold:{site}/cold-freiburg/part_a/seq2_cloudy3",
     "/data/panoramas": "{site}/data/house",
     "/data/tour": "{site}/data/tour",
+    "/data/recording": "{site}/data/recording",
     "--decode-every 5": "--decode-every 2",
     "innova:/data/innova": "innova:{site}/innova",
     "docs/examples/": "{root}/docs/examples/",
@@ -85,16 +86,22 @@ def furnish_cache() -> None:
 
 
 def _streams(site: Path) -> None:
-    """Put a video and two bags there, of the same images."""
+    """Put a video, two bags and a folder with a trajectory there, of the same images."""
     paths = sorted((_rendered(LIGHTS[0]) / "omni_cam").iterdir())
     images = [read_image(path) for path in paths]
     make_video(site / "data" / "tour.mp4", images)
-    for name, kind in (("tour.bag", "ros1"), ("tour", "mcap")):
+    (site / "data" / "tour").mkdir()
+    times = [f"{START_NS / 1e9 + number / 5:.6f}" for number in range(len(paths))]
+    for time, path in zip(times, paths, strict=True):
+        shutil.copy(path, site / "data" / "tour" / f"{time}{path.suffix}")
+    rows = [f"{time} {number / 10} 0 0 0 0 0 1\n" for number, time in enumerate(times)]
+    (site / "data" / "tour.tum").write_text("".join(rows))
+    for name, kind in (("tour.bag", "ros1"), ("recording", "mcap")):
         with Maker(site / "data" / name, kind) as bag:
             for number, path in enumerate(paths):
-                time = START_NS + number * STEP_NS
-                bag.compressed("/image", time, path.read_bytes(), "jpeg")
-                bag.odometry("/odom", time, 0.1 * number, 0.0, 0.0)
+                taken = START_NS + number * STEP_NS
+                bag.compressed("/image", taken, path.read_bytes(), "jpeg")
+                bag.odometry("/odom", taken, 0.1 * number, 0.0, 0.0)
 
 
 def _rendered(light: str) -> Path:
