@@ -12,9 +12,10 @@ from tests.datasets.trees import cold_names, make_cold, make_folder
 from tests.trust.inputs import SMALL, CommandLine, copied, listing, one_line, refused
 
 MIRROR = ("cx=8", "cy=6", "r_in=1", "r_out=6")
-TINY = [argument for setting in (*MIRROR, "kind=omnidirectional") for argument in ("--set", f"imaging.{setting}")]
-"""Parameters for the tiny images of `make_cold` and `make_folder`, and a first node of 10 images."""
-TINY += ["--set", "n_init=10", "--set", "n_new=10"]
+CAMERA = [argument for setting in (*MIRROR, "kind=omnidirectional") for argument in ("--set", f"imaging.{setting}")]
+"""What the tiny images of `make_cold` and `make_folder` do not show themselves."""
+TINY = [*CAMERA, "--set", "n_init=10", "--set", "n_new=10"]
+"""The same and a first node of 10 images."""
 
 
 @pytest.fixture
@@ -126,7 +127,7 @@ TABLES = [
 def test_a_table_of_poses_with_a_fault(poses, code, words, command, tmp_path):
     """A table that cannot be understood is refused; what is odd about one is said, by the check and by the replay."""
     data = make_folder(tmp_path / "data", [f"{number}.png" for number in range(12)], poses)
-    report = command("dataset", "check", data)
+    report = command("dataset", "check", data, *CAMERA)
     assert report.code == code
     assert any(all(word in line for word in words) for line in report.out.splitlines()), report.out
     outcome = command("replay", data, *TINY, "--out", "run")
@@ -158,7 +159,7 @@ def test_labels_and_images_at_odds(lines, code, words, command, tmp_path):
     root = make_cold(tmp_path / "seq", names)
     labels = [line if " " in line else f"{line} CR-A" for line in lines(names)]
     (root / "localization" / "places.lst").write_text("\n".join(labels))
-    report = command("dataset", "check", root)
+    report = command("dataset", "check", root, *CAMERA)
     assert report.code == code
     assert any(all(word in line for word in words) for line in report.out.splitlines()), report.out
     outcome = command("replay", root, *TINY, "--no-rrd", "--out", "run")
@@ -180,7 +181,7 @@ def test_two_images_of_one_time_are_said_and_replayed(command, tmp_path):
     names = cold_names(12)
     names[5] = names[4].replace("_y0.000000", "_y1.000000")
     root = make_cold(tmp_path / "seq", names)
-    report = command("dataset", "check", root)
+    report = command("dataset", "check", root, *CAMERA)
     assert report.code == 0
     assert "[duplicate-time]" in report.out
     outcome = command("replay", root, *TINY, "--no-rrd")
