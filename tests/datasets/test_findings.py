@@ -23,7 +23,7 @@ COMMANDS = [
     ["replay", "{data}", *TINY, *SHORT, "--no-rrd", "--out", "out"],
     ["describe", "{data}", *TINY, "--out", "d.npz"],
     ["baseline", "{data}", *TINY, "--k", "2", "--out", "out"],
-    ["ablate", "{data}", *TINY, *SHORT, "--vary", "gamma=1,2", "--jobs", "2", "--out", "out"],
+    ["ablate", "{data}", *TINY, *SHORT, "--vary", "gamma=1,2", "--out", "out"],
     ["check", "{data}", *TINY, *SHORT, "--update", "--reference", "r.toml"],
 ]
 TIMES = "file,x,y,time\n" + "".join(f"{n}.png,{n},0,{9 - n % 2}\n" for n in range(8))
@@ -70,7 +70,7 @@ def test_every_command_says_each_kind_once(arguments, command, tmp_path):
 def test_run_json_and_the_check_have_the_same_findings(command, tmp_path):
     data = make_folder(tmp_path / "data", [f"{number}.png" for number in range(12)], TIMES)
     run = json.loads(command("replay", data, *TINY, *SHORT, "--no-rrd", "--json").out)
-    report = json.loads(command("dataset", "check", data, "--json").out)
+    report = json.loads(command("dataset", "check", data, *TINY, "--json").out)
     counted = {kind["kind"]: kind["count"] for kind in run["findings"]}
     assert counted == {"image-without-pose": 4, "names-not-in-order": 4, "duplicate-time": 6}
     assert [finding["code"] for finding in report["findings"]] == [
