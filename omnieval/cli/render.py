@@ -20,7 +20,7 @@ def render(
 
       omnieval render runs/synthetic-cloudy-hog
 
-      omnieval render runs/light --every 10
+      omnieval render runs/synthetic-cloudy-hog --every 10
     """
     from omnieval.cli.console import note, progress
     from omnieval.localization.recorded import record_localization
