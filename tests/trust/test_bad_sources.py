@@ -196,7 +196,7 @@ def test_without_poses_and_rooms_every_metric_over_them_is_null_with_a_reason(co
     assert (outcome.code, outcome.err) == (0, "")
     manifest = json.loads(outcome.out)
     null = {name for name, value in manifest["metrics"].items() if value is None}
-    assert null == {name for name in manifest["metrics"] if name.startswith(("silhouette", "rooms"))}
+    assert null >= {name for name in manifest["metrics"] if name.startswith(("silhouette", "rooms"))}
     assert set(manifest["null_reasons"]) == null
 
 
@@ -283,7 +283,8 @@ def test_images_of_any_suffix_and_case_and_name_are_replayed(command, tmp_path):
     names += ["10 " + "n" * 200 + ".png", "11家.png", "12\n.png"]
     data = make_folder(tmp_path / "data", names)
     outcome = command("replay", f"folder:{data}", *TINY, "--no-rrd", "--out", "run")
-    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.code == 0
+    one_line(outcome.err, "2.Jpg: is JPEG, colour, most are PNG, colour", "[mixed-kinds]")
     assert open_run(tmp_path / "cwd" / "run").steps["file"].to_list() == names
 
 
