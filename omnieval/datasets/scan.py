@@ -8,12 +8,15 @@ from collections.abc import Sequence as Frames
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from omnieval.datasets.cards import Card, card
 from omnieval.datasets.findings import ROOT, Finding, errors
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
 from omnieval.errors import DatasetError
 from omnieval.wording import shown
+
+if TYPE_CHECKING:
+    from omnieval.datasets.cards import Card
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 _UNREAD_SUFFIXES = (
@@ -61,6 +64,8 @@ class Scan:
     @property
     def known_card(self) -> Card | None:
         """The card that describes it, if any."""
+        from omnieval.datasets.cards import card  # pydantic takes longer to load than many a folder to read
+
         return self.own_card or (card(self.card) if self.card else None)
 
     @property
