@@ -41,6 +41,7 @@ _SHOWN = 0.3
 """Share of the whole circle that must be seen."""
 _BLIND = (0.04, 0.6)
 """A blind spot is larger and smaller than these shares of the rim."""
+_BANDS = (_BLIND[0], 0.2), (0.15, _BLIND[1])
 _BLIND_SEEN = 0.55
 _CONTRASTS = 4.0, 2.0
 """Of the edges that a blind spot is looked for in: plain ones, then faint ones."""
@@ -280,15 +281,18 @@ class _Evidence:
     def _ring(self, rim: Circle, contrast: float) -> Circle | None:
         """Return the outermost circle about the middle within which nothing moves."""
         edges = self._lasting.points(contrast=contrast)
-        least, most = _BLIND[0] * rim.radius, _BLIND[1] * rim.radius
         beside = edges.places - (rim.cx, rim.cy)
         reach = np.hypot(beside[:, 0], beside[:, 1])
         # An edge that runs along a ray, as those of posts do, is none of a circle about the middle.
         across = np.abs((beside * edges.normals).sum(axis=1)) > 0.7 * reach
-        near = edges.taken(across & (reach < 1.2 * most))
         about = Circle(rim.cx, rim.cy, _BLIND_ASIDE * rim.radius)
         generator = named_generator(0, "blind-spot")
-        shown = find_circles(near, self._size, (least, most), generator, about=about, least=_BLIND_SEEN)
+        shown: list[Support] = []
+        for band in _BANDS:  # a small circle has few of all the points, and many of those nearby
+            least, most = band[0] * rim.radius, band[1] * rim.radius
+            near = edges.taken(across & (reach < most + about.radius))
+            shown += find_circles(near, self._size, (least, most), generator, about=about, least=_BLIND_SEEN)
+        shown.sort(key=lambda one: one.share, reverse=True)
         # Rings of the lens lie within the camera: the outermost one ends what is not the scene.
         rings = [one.circle for one in shown if one.seen >= 0.75 * shown[0].seen and self._is_still(one.circle)]
         return max(rings, key=lambda circle: circle.radius, default=None)

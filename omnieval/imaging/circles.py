@@ -17,7 +17,7 @@ _SURELY_ALIGNED = 0.985
 """The same for the three points that a circle is laid through: 10 degrees."""
 _ARC_PX = 2.5
 """A circle is asked for a point on each such piece of its length."""
-_TRIPLES = 200_000
+_TRIPLES = 100_000
 _SCATTERED_PX = 0.65
 """Edges about a circle that is none lie anywhere within `_NEAR_PX`, 0.87 px from it on root mean square."""
 _MOST_SCORED = 500

@@ -22,7 +22,7 @@ from omnieval.imaging.decode import decode_grey
 
 _ESTIMATED_FROM = 32
 """Images to estimate the mirror from, spread over the calibration frames; more do not sharpen it."""
-_COMPUTATION = 3
+_COMPUTATION = 4
 """Raised when the estimate computes something else, so that what is remembered of earlier ones is not used."""
 
 
