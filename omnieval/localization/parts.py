@@ -28,7 +28,7 @@ def kept_images(map_: TopologicalMap, limit: int | None, without_rooms: Sequence
     rooms = sorted(set(map_.rooms.tolist()) - {""})
     for room in without_rooms:
         if room not in rooms:
-            hint = did_you_mean(room, rooms, otherwise="its images have no room labels")
+            hint = did_you_mean(room, rooms) if rooms else "its images have no room labels"
             raise ConfigError(f"the map has no room {room!r}; {hint}")
     kept = ~np.isin(map_.rooms, without_rooms)
     if limit is not None:

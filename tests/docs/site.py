@@ -23,6 +23,7 @@ STEP = 30
 
 STANDS_FOR = {
     "cold:/data/cold-freiburg/part_a/seq2_cloudy3": "cold:{site}/cold-freiburg/part_a/seq2_cloudy3",
+    "cold:/data/seq2_night2": "cold:{site}/cold-freiburg/part_a/seq2_cloudy3",
     "cold:/data/seq2_cloudy3": "cold:{site}/cold-freiburg/part_a/seq2_cloudy3",
     "cold:data/seq2_cloudy3": "cold:{site}/cold-freiburg/part_a/seq2_cloudy3",
     "/data/panoramas": "{site}/data/house",
@@ -41,7 +42,11 @@ STANDS_FOR = {
     # Processes start slowly; that they change nothing is tested elsewhere.
     "--jobs 2": "--jobs 1",
     ", jobs=2)": ")",
+    "runs/house": "runs/mine",
+    # The first images of the building are all of one room.
+    "--without-room 2PO2": "--map-limit 40",
     # Steps of the whole building.
+    "runs/light 300": f"runs/light {STEP}",
     " 805": f" {STEP}",
     " 412": f" {STEP}",
     "t1152904932.211896_x4.581424_y1.446217_a1.274998.jpeg": f"{STEP}",

@@ -197,6 +197,7 @@ class TestRefused:
             ({"within": 0.0}, "positive number of metres"),
             ({"within": float("nan")}, "positive number of metres"),
             ({"without_rooms": ["R9"]}, "no room 'R9'"),
+            ({"without_rooms": ["kitchen"]}, "no room 'kitchen'; known are R0, R1, R2"),
             ({"without_rooms": ["R0", "R1", "R2"]}, "no image of the map stays"),
             ({"map_limit": 5}, "n_init"),
         ],
