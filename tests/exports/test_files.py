@@ -14,6 +14,7 @@ import omnieval
 from omnieval.errors import ResultError
 from omnieval.exports.flat import flat_csv
 from omnieval.exports.trajectory import trajectory
+from omnieval.results.run_folder import TABLES
 from tests.cli.test_cli import in_process
 from tests.exports.conftest import replayed
 
@@ -83,7 +84,7 @@ def test_lists_and_structures_are_joined():
 
 def test_every_table_of_a_run_has_a_csv_with_its_columns_and_rows(run, tmp_path):
     made = omnieval.export(run, "csv", out=tmp_path / "tables")
-    assert [file.name for file in made.files] == ["steps.csv", "nodes.csv", "transitions.csv"]
+    assert [file.name for file in made.files] == [f"{table}.csv" for table in TABLES]
     for file in made.files:
         read, table = pl.read_csv(file, infer_schema=False), getattr(run, file.stem)
         assert (read.columns, len(read)) == (table.columns, len(table))
