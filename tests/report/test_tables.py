@@ -1,5 +1,6 @@
 """Tables 2 and 3: our rows as measured, the paper's as printed, and never mistaken for each other."""
 
+import shutil
 from dataclasses import replace
 from decimal import Decimal
 
@@ -8,9 +9,12 @@ import pytest
 
 import omnieval
 from omnieval.report.build import Order, build, tables
+from omnieval.report.figure import Skipped, Table
 from omnieval.report.published import DOI
+from omnieval.report.quality import quality_table
 from omnieval.report.sources import open_sources
 from omnieval.report.tables import batch_table, best_table, partitions_table, summary_table, theirs_heading
+from omnieval.results.run_folder import open_run
 
 
 @pytest.fixture(scope="session")
@@ -107,3 +111,20 @@ def test_published_numbers_stand_beside_the_papers_method_only(sources, panorama
     omnieval.ablate(panoramas, {"radius": [2, 4]}, mapper="leader", out=tmp_path / "sweep")
     (sweep,) = open_sources([tmp_path / "sweep"]).sweeps
     assert [name for name, _ in best_table(sweep).groups] == ["This sweep"]
+
+
+def test_the_quality_of_a_map_is_told_at_every_distance(run):
+    opened = open_run(run)
+    table = quality_table(opened)
+    assert isinstance(table, Table)
+    assert table.columns[:5] == ("metric", "0.5 m", "1 m", "2 m", "3 m")
+    rows = {row[0]: row for row in table.rows}
+    assert rows["pair f1"][3] == opened.metrics["pair_f1"]
+    assert rows["coverage"][1] is None
+    assert "theirs" in table.notes[-1]
+
+
+def test_a_run_from_before_there_was_a_quality_table_says_so(run, tmp_path):
+    shutil.copytree(run, tmp_path / "old")
+    (tmp_path / "old" / "quality.parquet").unlink()
+    assert isinstance(quality_table(open_run(tmp_path / "old")), Skipped)
