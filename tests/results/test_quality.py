@@ -21,7 +21,7 @@ SMALL = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
 
 @pytest.fixture(scope="module")
 def run(panoramas, tmp_path_factory):
-    return omnieval.replay(panoramas, out=tmp_path_factory.mktemp("quality") / "run", recording=False, **SMALL)
+    return omnieval.replay(panoramas, config=SMALL, out=tmp_path_factory.mktemp("quality") / "run", recording=False)
 
 
 def test_the_table_holds_what_run_json_says_and_every_distance(run):
