@@ -82,16 +82,9 @@ def test_the_summary_says_it_in_words(run):
     assert "places" not in dict(summary_fields(older))
 
 
-def test_the_summary_of_images_without_a_position_says_why():
-    metrics = dict.fromkeys(METRICS) | {"nodes": 2}
-    manifest = {
-        "metrics": metrics,
-        "timings": {"seconds": 1.0, "frames_per_second": 1.0},
-        "source": "here",
-        "frames": 1,
-        "null_reasons": dict.fromkeys(METRICS, "no poses"),
-        "smallest_margin": None,
-    }
+def test_the_summary_of_images_without_a_position_says_why(run):
+    judged = {name: None if BY_NAME[name].of else value for name, value in run.metrics.items()}
+    manifest = run.manifest | {"metrics": judged, "null_reasons": dict.fromkeys(METRICS, "no poses")}
     said = dict(summary_fields(manifest))
     assert said["places"] == said["returns"] == said["ways"] == "none: no poses"
 
