@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from viewer import take_picture
 
 HERE = Path(__file__).parent
-CLOSED, REFUSED = 810, 805
-"""Steps of the replay with default parameters: the robot is back in a room after 728 steps."""
+CLOSED, REFUSED = 856, 859
+"""Steps of the replay with default parameters: the robot is back in a room after 663 steps, and then refused."""
 
 WINDOW = (1600, 1000)
 TITLE_BAR = 36
@@ -48,13 +48,13 @@ def main() -> None:
 
 def make(work: Path) -> None:
     """Make every picture, from runs in a folder."""
-    cloudy, strict = work / "runs" / "synthetic-cloudy-hog", work / "runs" / "gamma-4"
+    cloudy, loose = work / "runs" / "synthetic-cloudy-hog", work / "runs" / "omega-2.6"
     prepare(work)
     write_text("explained.txt", omnieval(work, "explain", "runs/synthetic-cloudy-hog", str(REFUSED)))
     write_screenshot("viewer-closed.jpg", [cloudy / "replay.rrd"], CLOSED)
     write_screenshot("viewer-refused.jpg", [cloudy / "replay.rrd"], REFUSED)
     both = work / "both.rrd"
-    omnieval(work, "diff", cloudy.relative_to(work), strict.relative_to(work), "--rrd", both.name, "--overwrite")
+    omnieval(work, "diff", cloudy.relative_to(work), loose.relative_to(work), "--rrd", both.name, "--overwrite")
     write_screenshot("viewer-two-runs.jpg", [both], REFUSED)
     for report, figures in FIGURES.items():
         for figure, picture in figures.items():
@@ -67,8 +67,8 @@ def prepare(work: Path) -> None:
     runs = work / "runs"
     if not (runs / "synthetic-cloudy-hog").exists():
         omnieval(work, "replay")
-    if not (runs / "gamma-4").exists():
-        omnieval(work, "replay", "--set", "gamma=4", "--no-images", "--out", "runs/gamma-4")
+    if not (runs / "omega-2.6").exists():
+        omnieval(work, "replay", "--set", "omega=2.6", "--no-images", "--out", "runs/omega-2.6")
     if not (runs / "night").exists():
         omnieval(work, "ablate", "synthetic:night", "--preset", "figures-9-10", "--out", "runs/night")
     omnieval(work, "report", "runs/synthetic-cloudy-hog", "--out", "cloudy", "--overwrite")

@@ -15,16 +15,17 @@ from omnieval.datasets.cards import card
 from omnieval.datasets.cold import scan_places
 from omnieval.datasets.sequence import Mirror
 from omnieval.datasets.synthetic import LIGHTS, MIRROR, RENDERER_VERSION, cached, camera, synthesize, write
+from omnieval.datasets.synthetic.day import day_of
+from omnieval.datasets.synthetic.drives import drive
 from omnieval.datasets.synthetic.first import FIRST, ROOMS
 from omnieval.datasets.synthetic.lighting import LIGHTS as DAYS
 from omnieval.datasets.synthetic.shoot import Drive
-from omnieval.datasets.synthetic.tour import drive
 from omnieval.errors import DatasetError
 
 
 @pytest.fixture(scope="module")
 def tours():
-    return {light: drive(light, 0) for light in LIGHTS}
+    return {light: drive(day_of(FIRST, light), 0) for light in LIGHTS}
 
 
 def path_length(poses):
@@ -75,11 +76,11 @@ class TestSynthesize:
     def test_it_is_a_cold_sequence(self, tmp_path):
         folder = synthesize(tmp_path / "seq", frames=12)
         sequence = load(f"cold:{folder}")
-        tour = drive("cloudy", 0, 12)
+        tour = drive(day_of(FIRST, "cloudy"), 0, 12)
         np.testing.assert_array_equal(sequence.positions, tour.poses[:, :2])
         np.testing.assert_array_equal(sequence.yaws, tour.poses[:, 2])
         assert sequence.rooms == tuple(FIRST.room_at(x, y).code for x, y, _ in tour.poses)
-        assert sequence.rooms[-1] == "1PO"
+        assert sequence.rooms[-1] != sequence.rooms[0] == "CR"
         assert [frame.path.name for frame in sequence.frames] == list(Drive.of("cloudy", 0, 12).names)
         text = (folder / "localization" / "places.lst").read_text()
         rooms, _ = scan_places(text)

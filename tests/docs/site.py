@@ -47,9 +47,9 @@ STANDS_FOR = {
     "--without-room 2PO2": "--map-limit 40",
     # Steps of the whole building.
     "runs/light 300": f"runs/light {STEP}",
-    " 805": f" {STEP}",
+    " 859": f" {STEP}",
     " 412": f" {STEP}",
-    "t1152904932.211896_x4.581424_y1.446217_a1.274998.jpeg": f"{STEP}",
+    "t1152904943.245808_x1.162911_y3.838699_a-2.971792.jpeg": f"{STEP}",
     "--k 2:60": "--k 2:20",
     "--frames 300": "--frames 12",
 }

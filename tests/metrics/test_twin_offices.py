@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from omnieval.datasets.synthetic.day import day_of
+from omnieval.datasets.synthetic.drives import drive
 from omnieval.datasets.synthetic.first import FIRST
-from omnieval.datasets.synthetic.tour import drive
 from omnieval.metrics.evaluation import evaluate
 from omnieval.metrics.quality import Making
 
@@ -20,7 +21,7 @@ def judged(labels, tour):
 
 
 def test_twin_offices_in_one_node_are_a_false_merge_and_a_way_through_the_walls():
-    tour = drive("cloudy", 0)
+    tour = drive(day_of(FIRST, "cloudy"), 0)
     codes = [FIRST.room_at(x, y).code for x, y, _ in tour.poses]
     corridor = np.array([FIRST.room_at(x, y).corridor for x, y, _ in tour.poses])
     rooms = np.unique(codes, return_inverse=True)[1] + 1

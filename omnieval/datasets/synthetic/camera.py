@@ -17,7 +17,7 @@ HORIZON = 150.0
 """Radius at which the horizon appears, pixels."""
 EYE = 1.0
 """Height of the mirror above the floor, metres."""
-AZIMUTHS = 1024
+AZIMUTHS = 768
 """Columns of a polar image; column j looks 2 pi j / AZIMUTHS to the robot's left of straight ahead."""
 DISC = (
     slice(int(MIRROR.cy - MIRROR.r_out) - 1, int(MIRROR.cy + MIRROR.r_out) + 3),
@@ -65,13 +65,10 @@ def polar_map() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 @cache
-def rim(vignetting: float) -> NDArray[np.float32]:
-    """Return the share of the mirror's picture in the pixels of `DISC`, shape (rows, columns, 1).
-
-    It is less by `vignetting` at the edge.
-    """
+def rim() -> NDArray[np.float32]:
+    """Return the share of the mirror's picture in the pixels of `DISC`, vignetted; shape (rows, columns, 1)."""
     r = np.hypot(*_from_centre())
-    vignette = 1.0 - vignetting * (r / MIRROR.r_out) ** 3
+    vignette = 1.0 - 0.06 * (r / MIRROR.r_out) ** 3
     return np.asarray((_annulus(r) * vignette)[DISC][..., None], dtype=np.float32)
 
 

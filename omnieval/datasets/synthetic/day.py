@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from omnieval.datasets.synthetic.building import Building, Placed, walls
 from omnieval.datasets.synthetic.facts import LIGHTS
-from omnieval.datasets.synthetic.first import FIRST, furniture_on
 from omnieval.datasets.synthetic.furnish import WALLS, Wall, size_of
 from omnieval.datasets.synthetic.furniture import solids_of, standing
-from omnieval.datasets.synthetic.lighting import LIGHTS as DRAWN
-from omnieval.datasets.synthetic.lighting import REAL, Light
+from omnieval.datasets.synthetic.lighting import LIGHTS as LIGHT_OF
+from omnieval.datasets.synthetic.lighting import Light
 from omnieval.datasets.synthetic.solids import Shape, Solid
 from omnieval.datasets.synthetic.way import Floats, nominal, planned
 from omnieval.seeding import named_generator
@@ -51,7 +50,7 @@ class Day:
     dark
         Codes of the rooms whose lamps are off.
     way
-        The middle of the way that is driven in a made building, closed, shape (m, 2), metres.
+        The middle of the way that is driven, closed, shape (m, 2), metres.
     """
 
     building: Building
@@ -69,8 +68,6 @@ class Day:
 @lru_cache(maxsize=4)
 def day_of(building: Building, light: str) -> Day:
     """Return the day of a light in a building."""
-    if building is FIRST:
-        return Day(building, light, DRAWN[light], furniture_on(light), frozenset(), np.empty((0, 2)))
     rng = named_generator(building.number, f"day-{light}")
     plan = planned(building, light, LIGHTS)
     way = nominal(building, plan)
@@ -81,7 +78,7 @@ def day_of(building: Building, light: str) -> Day:
         *_clutter(building, rng),
     ]
     pieces = tuple(piece for piece in wanted if _clear_of(way, solids_of(building.room(piece.room), piece)))
-    return Day(building, light, REAL[light], pieces, _dark(building, light, rng), way)
+    return Day(building, light, LIGHT_OF[light], pieces, _dark(building, light, rng), way)
 
 
 def _leaves(building: Building, entered: frozenset[str], rng: np.random.Generator) -> list[Placed]:

@@ -1,17 +1,22 @@
-"""The drive of a day through a made building: lateral offsets, speed, pauses, clock."""
+"""The drive of a day through a building: lateral offsets, speed, pauses, clock."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from omnieval.datasets.synthetic.day import Day, clearances
-from omnieval.datasets.synthetic.tour import PERIOD, START, Tour
 from omnieval.datasets.synthetic.way import STEP, Floats
 from omnieval.seeding import named_generator
 
+PERIOD = 0.204
+"""Seconds between captures, on average."""
+START = 1_152_904_768.0
+"""Time of the first capture, seconds since the epoch, a day of COLD's summer."""
 SPACING = 0.185
 """Metres between captures on a straight way; a published map of COLD has its images 0.17 m apart."""
 _SPEED = {"cloudy": 1.0, "night": 0.86, "sunny": 1.18}
@@ -31,7 +36,15 @@ _HOURS = {"cloudy": 0.0, "night": 10.5 * 3600.0, "sunny": 86400.0}
 """When each light is driven, seconds after `START`."""
 
 
-def made_drive(day: Day, seed: int, frames: int | None = None) -> Tour:
+@dataclass(frozen=True)
+class Tour:
+    """The captures of a drive: times in seconds, shape (n,), and poses (x, y, yaw), shape (n, 3)."""
+
+    times: NDArray[np.float64]
+    poses: NDArray[np.float64]
+
+
+def drive(day: Day, seed: int, frames: int | None = None) -> Tour:
     """Return the drive of a day: the first `frames` captures, or one whole tour.
 
     The day decides order, offsets and speed, `seed` how two drives of that day differ: a little. The loop is closed,

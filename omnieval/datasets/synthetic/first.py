@@ -66,14 +66,13 @@ OPENINGS: tuple[Opening, ...] = (
 )
 
 _TWIN: tuple[Placed, ...] = (
-    Placed(TWINS[0], "desk", "N", 4.55),
-    Placed(TWINS[0], "desk", "N", 6.3),
+    Placed(TWINS[0], "workplace", "N", 4.55),
+    Placed(TWINS[0], "workplace", "N", 6.3),
     Placed(TWINS[0], "cupboard", "W", 3.9),
     Placed(TWINS[0], "books", "E", 3.7),
     Placed(TWINS[0], "whiteboard", "E", 2.0),
     Placed(TWINS[0], "plant-low", "S", 6.85),
     Placed(TWINS[0], "poster-2", "W", 2.8),
-    Placed(TWINS[0], "leaf", "S", 4.0, turn=0.08),
 )
 
 FURNITURE: tuple[Placed, ...] = (
@@ -90,19 +89,17 @@ FURNITURE: tuple[Placed, ...] = (
     Placed("CR", "plant-low", "S", 19.5),
     Placed("CR", "cooler", "N", 18.9),
     Placed("CR", "coats", "S", 3.9),
-    Placed("1PO", "desk", "N", 1.5),
+    Placed("1PO", "workplace", "N", 1.5),
     Placed("1PO", "books", "W", 2.4),
     Placed("1PO", "books", "W", 3.4),
     Placed("1PO", "sofa-red", "E", 4.3, 0.0),
     Placed("1PO", "poster-1", "E", 2.6),
     Placed("1PO", "plant", "S", 0.4),
-    Placed("1PO", "leaf", "S", 3.1, turn=-0.1),
     Placed("CNR", "meeting", "S", 13.95, 1.35),
     Placed("CNR", "whiteboard", "W", 3.4),
     Placed("CNR", "television", "E", 3.6),
     Placed("CNR", "plant", "N", 15.75),
     Placed("CNR", "poster-4", "W", 5.2),
-    Placed("CNR", "leaf", "S", 11.5, turn=0.05),
     Placed("KT", "kitchen", "N", 17.6),
     Placed("KT", "fridge", "N", 19.6),
     Placed("KT", "table", "E", 2.9),
@@ -111,7 +108,6 @@ FURNITURE: tuple[Placed, ...] = (
     Placed("KT", "noticeboard", "W", 3.4),
     Placed("KT", "cooler", "S", 18.6),
     Placed("KT", "bin", "W", 4.9),
-    Placed("KT", "leaf", "S", 16.8, turn=0.1),
     Placed("PA", "printer", "W", -2.2),
     Placed("PA", "printer", "W", -3.7),
     Placed("PA", "sideboard", "S", 1.9),
@@ -121,13 +117,11 @@ FURNITURE: tuple[Placed, ...] = (
     Placed("TL", "cabins", "S", 5.3),
     Placed("TL", "basins", "E", -2.5),
     Placed("TL", "bin", "W", -3.4),
-    Placed("TL", "leaf", "N", 4.8, turn=-0.55),
     Placed("ST", "rack", "W", -2.4),
     Placed("ST", "rack", "W", -3.7),
     Placed("ST", "rack", "E", -3.2),
     Placed("ST", "cupboard-grey", "E", -4.5),
     Placed("ST", "boxes", "S", 7.6),
-    Placed("ST", "leaf", "N", 8.4, turn=0.45),
     Placed("LO", "sofa-green", "S", 12.6),
     Placed("LO", "sofa-red", "E", -3.4),
     Placed("LO", "coffee-table", "S", 12.6, 1.15),
@@ -137,15 +131,14 @@ FURNITURE: tuple[Placed, ...] = (
     Placed("LO", "table", "W", -4.6),
     Placed("LO", "poster-3", "W", -2.9),
     Placed("LO", "poster-4", "E", -1.9),
-    Placed("LAB", "desk", "S", 15.9),
-    Placed("LAB", "desk", "S", 17.6),
+    Placed("LAB", "workplace", "S", 15.9),
+    Placed("LAB", "workplace", "S", 17.6),
     Placed("LAB", "cupboard-grey", "S", 19.3),
     Placed("LAB", "bench", "N", 17.95, 1.45),
     Placed("LAB", "rack", "W", -3.6),
     Placed("LAB", "books", "E", -3.7),
     Placed("LAB", "whiteboard", "N", 18.2),
     Placed("LAB", "poster-2", "E", -2.2),
-    Placed("LAB", "leaf", "N", 15.5, turn=-0.1),
     Placed("1PO", "radiator", "N", 2.85),
     Placed("CNR", "radiator", "N", 13.0),
     Placed("CNR", "radiator", "N", 14.4),
@@ -153,33 +146,4 @@ FURNITURE: tuple[Placed, ...] = (
     Placed("LAB", "radiator", "S", 18.6),
 )
 
-MOVED: dict[str, dict[tuple[str, str], tuple[float, float]]] = {
-    "cloudy": {},
-    "night": {
-        ("CR", "plant"): (-0.5, 0.0),
-        ("LO", "sofa-red"): (0.4, 0.0),
-        ("KT", "stool"): (-0.35, 0.0),
-        ("PA", "boxes"): (-0.5, 0.0),
-        ("CR", "cooler"): (0.6, 0.0),
-    },
-    "sunny": {
-        ("CR", "sideboard"): (0.8, 0.0),
-        ("LO", "coffee-table"): (0.25, 0.1),
-        ("ST", "boxes"): (0.5, 0.0),
-        ("1PO", "plant"): (0.3, 0.0),
-        ("CR", "plant-low"): (-0.6, 0.0),
-    },
-}
-"""Pieces that stand elsewhere in a light: (room, kind) -> shift of (along, gap), metres."""
-
 FIRST = Building(1, ROOMS, OPENINGS, FURNITURE, TWINS)
-
-
-def furniture_on(light: str) -> tuple[Placed, ...]:
-    """Return what stands where on the day of `light`."""
-    moved = MOVED[light]
-    pieces = []
-    for piece in FURNITURE:
-        along, gap = moved.get((piece.room, piece.kind), (0.0, 0.0))
-        pieces.append(replace(piece, along=piece.along + along, gap=piece.gap + gap))
-    return tuple(pieces)

@@ -56,13 +56,13 @@ class Light:
     outdoors
         Brightness of what is seen through windows.
     sun
-        Brightness of sun patches on the floor, 0 without sun.
+        Brightness of what the sun shines on, 0 without sun.
     bloom
         Share of the saturated light that spreads over its neighbourhood.
     noise
         Standard deviation of the image noise, grey levels.
     look
-        How light falls and how the camera takes it in; None: evenly, and as it is.
+        How light falls and how the camera takes it in.
     """
 
     ambient: tuple[float, float, float]
@@ -72,16 +72,10 @@ class Light:
     sun: float
     bloom: float
     noise: float
-    look: Look | None = None
+    look: Look
 
 
 LIGHTS: dict[str, Light] = {
-    "cloudy": Light((0.46, 0.45, 0.43), (0.22, 0.25, 0.27), (0.52, 0.48, 0.44), 1.25, 0.0, 0.25, 1.6),
-    "night": Light((0.10, 0.13, 0.15), (0.42, 0.56, 0.64), (0.0, 0.0, 0.0), 0.05, 0.0, 0.35, 3.6),
-    "sunny": Light((0.40, 0.43, 0.45), (0.0, 0.0, 0.0), (0.62, 0.72, 0.78), 2.4, 1.5, 0.8, 1.3),
-}
-"""The days by name."""
-REAL: dict[str, Light] = {
     "cloudy": Light(
         (0.34, 0.35, 0.35),
         (0.32, 0.38, 0.40),
@@ -113,7 +107,7 @@ REAL: dict[str, Light] = {
         Look(0.8, 0.9, 112.0, 0.1, 1.12, (0.66, 1.0, 1.06)),
     ),
 }
-"""The days of the made buildings, set side by side with panoramas of COLD."""
+"""The days by name, set side by side with panoramas of COLD."""
 SUN = (0.45, -1.0, 0.75)
 """Towards the sun: x, y, and height over a horizontal distance of hypot(x, y)."""
 
@@ -124,9 +118,7 @@ def grid_shape(building: Building) -> tuple[int, int]:
     return round((y1 - y0) / CELL), round((x1 - x0) / CELL)
 
 
-def light_maps(
-    building: Building, light: Light, solids: list[Solid], dark: frozenset[str] = frozenset()
-) -> NDArray[np.float32]:
+def light_maps(building: Building, light: Light, solids: list[Solid], dark: frozenset[str]) -> NDArray[np.float32]:
     """Return the light on upright surfaces and on the floor, shape (2, rows, columns, 3); row 0 is the smallest y.
 
     In the rooms called `dark` no lamp is on.
@@ -143,9 +135,6 @@ def light_maps(
         )
     upright = np.asarray(cv2.GaussianBlur(upright, (0, 0), _SPILL / CELL), np.float64)
     floor: NDArray[np.float64] = upright * _contact_shadow(building, solids)[..., None]
-    if light.sun > 0.0 and light.look is None:
-        patch = cv2.GaussianBlur(_sun_patches(building), (0, 0), 0.7)
-        floor += light.sun * patch[..., None] * np.array((0.75, 0.92, 1.0))
     return np.stack([upright, floor]).astype(np.float32)
 
 
@@ -196,38 +185,6 @@ def _contact_shadow(building: Building, solids: list[Solid]) -> NDArray[np.float
             cv2.fillConvexPoly(layer, np.rint(corners).astype(np.int32), cover)
             np.maximum(mask, layer, out=mask)
     return np.asarray(1.0 - 0.6 * cv2.GaussianBlur(mask, (0, 0), 0.12 / CELL))
-
-
-def _sun_patches(building: Building) -> NDArray[np.float32]:
-    """Return where the sun falls on the floor through the windows, 0 or 1, shape (rows, columns)."""
-    mask = np.zeros(grid_shape(building), np.float32)
-    for room in building.rooms:
-        for opening in building.openings:
-            if opening.kind == "window" and opening.axis == "x" and opening.at < 0.0 and _belongs(opening, room):
-                patch = _sun_patch(building, opening)
-                (column, row), (end_column, end_row) = (
-                    _cell(building, room.x0, room.y0),
-                    _cell(building, room.x1, room.y1),
-                )
-                inside = slice(round(row), round(end_row) + 1), slice(round(column), round(end_column) + 1)
-                np.maximum(mask[inside], patch[inside], out=mask[inside])
-    return mask
-
-
-def _sun_patch(building: Building, window: Opening) -> NDArray[np.float32]:
-    """Return where the sun falls through a window in a wall along x, if no other wall were in the way."""
-    mask = np.zeros(grid_shape(building), np.float32)
-    sx, sy, sz = SUN
-    panes = max(1, round(window.end - window.start))
-    step = (window.end - window.start) / panes
-    for pane in range(panes):
-        left, right = window.start + pane * step + 0.05, window.start + (pane + 1) * step - 0.05
-        corners = [
-            _cell(building, x - z * sx / sz, window.at - z * sy / sz)
-            for x, z in ((left, window.z0), (right, window.z0), (right, window.z1), (left, window.z1))
-        ]
-        cv2.fillConvexPoly(mask, np.rint(np.array(corners)).astype(np.int32), 1.0)
-    return mask
 
 
 def _cell(building: Building, x: float, y: float) -> tuple[float, float]:

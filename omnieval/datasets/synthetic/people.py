@@ -9,22 +9,18 @@ import numpy as np
 
 from omnieval.datasets.synthetic.building import Room
 from omnieval.datasets.synthetic.day import Day, clearances
-from omnieval.datasets.synthetic.first import FIRST
+from omnieval.datasets.synthetic.drives import PERIOD, Tour
 from omnieval.datasets.synthetic.solids import Solid, pillar
-from omnieval.datasets.synthetic.tour import PERIOD, Tour
 from omnieval.seeding import named_generator
 
-_WALKERS = 6
-_WALKERS_AT = {"cloudy": 8, "night": 3, "sunny": 8}
-"""How many walk past in each light of a made building."""
+_WALKERS = {"cloudy": 8, "night": 3, "sunny": 8}
+"""How many walk past in each light."""
 _EVERYWHERE = (-math.inf, math.inf, -math.inf, math.inf)
 _WALK_FRAMES = 60
 _STEP = 1.1 * PERIOD
 """Metres a walker makes from one capture to the next."""
 _KEPT_CLEAR = 0.6
 """How far people stay away from the robot's centre, metres."""
-_SPOTS = ((15.4, 4.9), (13.3, -1.9), (18.5, 5.0), (16.9, -4.1), (1.0, -3.0), (6.0, 4.6), (19.3, -0.4))
-"""Where people stand, each for a while."""
 _STAND_FRAMES = 260
 _CLOTHES = (
     ("jeans", "shirt-white"),
@@ -57,7 +53,7 @@ def passers_by(day: Day, seed: int, tour: Tour) -> tuple[Person, ...]:
     rng = named_generator(seed, f"people-{day.name}")
     count = len(tour.times)
     people = []
-    spots = _SPOTS if day.building is FIRST else _spots(day, rng)
+    spots = _spots(day, rng)
     for spot in rng.permutation(len(spots))[:4]:
         x, y = spots[spot]
         start = int(rng.integers(0, max(1, count - _STAND_FRAMES)))
@@ -67,7 +63,7 @@ def passers_by(day: Day, seed: int, tour: Tour) -> tuple[Person, ...]:
     along = {room.code: room.x1 - room.x0 >= room.y1 - room.y0 for room in corridors}
     inside = np.array([[_amidst(room, along[room.code], x, y) for room in corridors] for x, y, _ in tour.poses])
     in_corridor = np.flatnonzero(inside.any(axis=1))
-    walkers = _WALKERS if day.building is FIRST else _WALKERS_AT[day.name]
+    walkers = _WALKERS[day.name]
     for start in np.sort(rng.choice(in_corridor, min(walkers, len(in_corridor)), replace=False)):
         room = corridors[int(np.argmax(inside[start]))]
         way = 1.0 if rng.random() < 0.5 else -1.0

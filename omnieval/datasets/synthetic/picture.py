@@ -1,4 +1,4 @@
-"""From a polar image to the camera's picture: warping, bloom, vignetting, noise."""
+"""From a polar image to the camera's picture: exposure, warping, bloom, post and body, noise, development."""
 
 from __future__ import annotations
 
@@ -25,13 +25,11 @@ def photograph(
 ) -> NDArray[np.uint8]:
     """Return the camera's picture of a polar image, shape (480, 640, 3), uint8 BGR; noise-free without `rng`.
 
-    Of a light with a `Look`, with post and body, exposed, smeared while the robot turns by `turned` radians, and
-    developed.
+    Exposed, smeared while the robot turns by `turned` radians, with post and body, and developed.
     """
     look = light.look
-    gain = np.float32(1.0) if look is None else _exposure(polar, look)
-    if look is not None:
-        polar = _smeared(polar * gain, look.shutter * abs(turned))
+    gain = _exposure(polar, look)
+    polar = _smeared(polar * gain, look.shutter * abs(turned))
     padded = np.concatenate([polar, polar[:1]])
     row, azimuth = camera.polar_map()
     warped = cv2.remap(padded, row, azimuth, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -40,15 +38,14 @@ def photograph(
     image = camera.surroundings().copy()
     disc = image[camera.DISC]
     np.minimum(view, np.float32(255.0), out=view)
-    if look is not None:
-        _show_mount(view, polar)
-        view = np.asarray(cv2.GaussianBlur(view, (5, 5), _FOCUS), np.float32)
-    view *= camera.rim(0.22 if look is None else 0.06)
+    _show_mount(view, polar)
+    view = np.asarray(cv2.GaussianBlur(view, (5, 5), _FOCUS), np.float32)
+    view *= camera.rim()
     disc += view
     if rng is not None:
         image += (np.float32(light.noise) * np.sqrt(gain) * _grain(rng))[..., None]
     taken = np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0, out=image)), np.uint8)
-    return taken if look is None else np.asarray(cv2.LUT(taken, _development(look)), np.uint8)
+    return np.asarray(cv2.LUT(taken, _development(look)), np.uint8)
 
 
 def _exposure(polar: NDArray[np.float32], look: Look) -> np.float32:

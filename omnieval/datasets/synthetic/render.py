@@ -22,7 +22,6 @@ from omnieval.datasets.synthetic.lighting import (
     CELL,
     SUN,
     Light,
-    Look,
     Sunshine,
     flow,
     grid_shape,
@@ -55,7 +54,7 @@ class Scene:
     atlas, solids
         Textures, and what carries them.
     floors
-        Number of the floor's texture in every cell of the light maps; -1 outside the rooms of a made building.
+        Number of the floor's texture in every cell of the light maps; -1 outside the rooms.
     lights
         Light on upright surfaces, floors and lamps, one map below the other.
     sky
@@ -93,11 +92,11 @@ def build_scene(day: Day, seed: int) -> Scene:
         light,
         atlas,
         tuple(solids),
-        _floor_map(building, light, atlas),
+        _floor_map(building, atlas),
         maps.reshape(-1, maps.shape[2], 3),
         skyline(light, seed),
         towards,
-        sunshine(building) if light.look and light.sun > 0.0 else None,
+        sunshine(building) if light.sun > 0.0 else None,
         _shine(atlas),
     )
 
@@ -105,8 +104,6 @@ def build_scene(day: Day, seed: int) -> Scene:
 def _emissive(day: Day) -> NDArray[np.float32]:
     """Return how brightly lamps shine, shape (1, rows, columns, 3)."""
     emissive = np.ones((1, *grid_shape(day.building), 3), np.float32)
-    if day.light.lamp == (0.0, 0.0, 0.0):
-        emissive *= 0.75
     for code in day.dark:
         (row, column), (end_row, end_column) = (
             _cell_of(day.building, x, y)
@@ -139,8 +136,7 @@ def render_polar(scene: Scene, pose: tuple[float, float, float], people: tuple[S
     met = np.float32(x) + hits.near * dx[hits.column], np.float32(y) + hits.near * dy[hits.column]
     picture, texture = _paint(scene, plan, hits, depth, code, (px, py), met)
     _show_outdoors(scene, picture, depth, (x, y), (dx, dy), turn, (texture < 0) & (code < 0))
-    if scene.light.look:
-        _polish_floor(scene, scene.light.look, picture, texture, code)
+    _polish_floor(scene, picture, texture, code)
     _veil_glass(plan, hits, picture, depth, scene.light)
     _soften_edges(plan, hits, picture, depth, code)
     return picture
@@ -211,8 +207,7 @@ def _paint(
     texture, u, v, lod = _surface(scene, plan, hits, depth, code, px, py, height)
     colour = scene.atlas.look_up(texture, u, v, lod)
     shades = _shades(plan, hits)
-    if scene.light.look:
-        shades *= _facing_light(scene, scene.light.look, hits, met)
+    shades *= _facing_light(scene, hits, met)
     shade = np.append(shades, np.float32(1.0))[code]
     shade *= np.float32(0.86) + np.float32(0.07) * height
     lamp = texture == scene.atlas.index["lamp"]
@@ -238,14 +233,14 @@ def _shades(plan: Plan, hits: Hits) -> Floats:
     return shade.ravel()
 
 
-def _facing_light(scene: Scene, look: Look, hits: Hits, at: tuple[Floats, Floats]) -> Floats:
+def _facing_light(scene: Scene, hits: Hits, at: tuple[Floats, Floats]) -> Floats:
     """Return how much more light the fronts get that look towards it, and less those that look away, (3 hits,)."""
     factor = np.ones((hits.column.size, 3), np.float32)
     # Just before the face, since the wall's own cells are lit from both sides.
     before = np.float32(0.1)
     towards = scene.flow[_cells(scene.building, at[0] + before * hits.normal_x, at[1] + before * hits.normal_y)]
     facing = towards[:, 0] * hits.normal_x + towards[:, 1] * hits.normal_y
-    factor[:, _FRONT] = np.maximum(np.float32(1.0) + np.float32(look.directed) * facing, np.float32(0.25))
+    factor[:, _FRONT] = np.maximum(np.float32(1.0) + np.float32(scene.light.look.directed) * facing, np.float32(0.25))
     return factor.ravel()
 
 
@@ -280,14 +275,12 @@ def _let_the_sun_in(
     picture[sunny] += colour[sunny] * (falls[lit][:, None] * _SUN_COLOUR)
 
 
-def _polish_floor(
-    scene: Scene, look: Look, picture: Floats, texture: NDArray[np.int32], code: NDArray[np.int32]
-) -> None:
+def _polish_floor(scene: Scene, picture: Floats, texture: NDArray[np.int32], code: NDArray[np.int32]) -> None:
     """Let shiny floors mirror what is above them, the more the flatter they are seen."""
     slope = camera.slopes()
     below = int(np.searchsorted(slope, 0.0))
     sine = -slope[:below] / np.sqrt(1.0 + slope[:below] ** 2)
-    share = np.float32(look.gloss) * (np.float32(0.04) + np.float32(0.96) * (1.0 - sine) ** 4)
+    share = np.float32(scene.light.look.gloss) * (np.float32(0.04) + np.float32(0.96) * (1.0 - sine) ** 4)
     mirrored = np.clip(np.searchsorted(slope, -slope[:below]), 0, slope.size - 1)
     # A floor is no mirror: what it shows is blurred, above all up and down.
     above = cv2.blur(np.minimum(picture, np.float32(900.0)), (15, 3))
@@ -344,11 +337,11 @@ def _of_hit(values: NDArray[np.floating], hit: NDArray[np.intp]) -> Floats:
     return np.append(values.astype(np.float32), np.float32(0.0)).take(hit, mode="wrap")
 
 
-def _floor_map(building: Building, light: Light, atlas: Atlas) -> NDArray[np.int32]:
+def _floor_map(building: Building, atlas: Atlas) -> NDArray[np.int32]:
     """Return the floor's texture number in every cell of the light maps' grid."""
     rows, columns = grid_shape(building)
     left, _, bottom, _ = building.footprint
-    floors = np.full((rows, columns), -1 if light.look else atlas.index["sill"], np.int32)
+    floors = np.full((rows, columns), -1, np.int32)
     y, x = bottom + (np.arange(rows) + 0.5) * CELL, left + (np.arange(columns) + 0.5) * CELL
     for room in building.rooms:
         in_y, in_x = (y > room.y0 - 0.08) & (y < room.y1 + 0.08), (x > room.x0 - 0.08) & (x < room.x1 + 0.08)

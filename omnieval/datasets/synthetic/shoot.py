@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from omnieval.datasets.synthetic.building import Building
 from omnieval.datasets.synthetic.day import Day, day_of
-from omnieval.datasets.synthetic.drives import made_drive
-from omnieval.datasets.synthetic.first import FIRST
+from omnieval.datasets.synthetic.drives import Tour, drive
 from omnieval.datasets.synthetic.people import Person, bodies, passers_by
 from omnieval.datasets.synthetic.picture import photograph
 from omnieval.datasets.synthetic.plans import building
 from omnieval.datasets.synthetic.render import Scene, build_scene, render_polar
-from omnieval.datasets.synthetic.tour import Tour, drive
 from omnieval.errors import DatasetError
 from omnieval.seeding import named_generator
 
@@ -38,10 +36,9 @@ class Drive:
     def of(cls, light: str, seed: int, frames: int | None, number: int = 1) -> Drive:
         """Prepare the first `frames` captures of the drive through building `number`, or one whole tour."""
         day = day_of(building(number), light)
-        once = _driven(day, seed, None)
-        tour = once if frames is None else _driven(day, seed, frames)
-        textures = seed if day.building is FIRST else number
-        return cls(day, seed, tour, build_scene(day, textures), passers_by(day, seed, once), len(once.times))
+        once = drive(day, seed)
+        tour = once if frames is None else drive(day, seed, frames)
+        return cls(day, seed, tour, build_scene(day, number), passers_by(day, seed, once), len(once.times))
 
     @property
     def building(self) -> Building:
@@ -80,7 +77,3 @@ class Drive:
         if not done:
             raise DatasetError(f"cannot encode frame {index} of the synthetic sequence as JPEG")
         return data.tobytes()
-
-
-def _driven(day: Day, seed: int, frames: int | None) -> Tour:
-    return drive(day.name, seed, frames) if day.building is FIRST else made_drive(day, seed, frames)

@@ -1,4 +1,4 @@
-"""The way of a drive through a made building: which rooms in which order, where in them, and how fast."""
+"""The way of a drive through a building: which rooms in which order, where in them, and how fast."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from omnieval.datasets.synthetic.building import SHELL, Building, Opening, Room
 from omnieval.datasets.synthetic.furnish import depth_at
+from omnieval.datasets.synthetic.furniture import solids_of
+from omnieval.datasets.synthetic.solids import Solid
 from omnieval.seeding import named_generator
 
 Point = tuple[float, float]
@@ -20,12 +22,14 @@ Floats = NDArray[np.float64]
 
 STEP = 0.02
 """Metres between the points of a way."""
-_TURN = 0.45
-"""The smallest radius of a turn in a room, metres."""
+_TURN, _WIDEST = 0.4, 0.9
+"""The smallest and the largest radius of a turn in a room, metres."""
 _ROBOT = 0.4
 """What the robot's centre keeps from what stands at the walls of a room, metres."""
 _KERNEL = 25
 """A moving average over so many points, twice, rounds corners into curves that a robot can drive."""
+_ISLAND = 1.0
+"""What stands so far from its wall stands in the middle of the room, metres."""
 _CHAIR = 0.5
 """How much farther than a desk its chair may stand from the wall, metres."""
 
@@ -182,9 +186,8 @@ def _through(building: Building, room: Room, before: Point, rng: np.random.Gener
     """Return the way from the corridor through a room and back: in by the door, round an ellipse, out."""
     door = door_of(building, room)
     x0, x1, y0, y1 = _clear(building, room, door)
-    rx = float(rng.uniform(0.6, 1.0)) * max((x1 - x0) / 2, _TURN)
-    ry = float(rng.uniform(0.6, 1.0)) * max((y1 - y0) / 2, _TURN)
-    rx, ry = min(rx, 0.9), min(ry, 0.9)
+    rx = float(np.clip(rng.uniform(0.6, 1.0) * (x1 - x0) / 2, _TURN, _WIDEST))
+    ry = float(np.clip(rng.uniform(0.6, 1.0) * (y1 - y0) / 2, _TURN, _WIDEST))
     cx = float(rng.uniform(min(x0 + rx, (x0 + x1) / 2), max(x1 - rx, (x0 + x1) / 2)))
     cy = float(rng.uniform(min(y0 + ry, (y0 + y1) / 2), max(y1 - ry, (y0 + y1) / 2)))
     middle = (door.start + door.end) / 2
@@ -199,17 +202,35 @@ def _through(building: Building, room: Room, before: Point, rng: np.random.Gener
 
 
 def _clear(building: Building, room: Room, door: Opening) -> tuple[float, float, float, float]:
-    """Return x0, x1, y0, y1 of where the robot may turn in a room."""
+    """Return x0, x1, y0, y1 of where the robot may turn in a room: beside what stands in its middle."""
+    here = [piece for piece in building.furniture if piece.room == room.code]
 
     def kept(wall: str) -> float:
-        depth = depth_at(room, wall, building.furniture)
-        desks = any(p.room == room.code and p.wall == wall and p.kind == "workplace" for p in building.furniture)
-        return max(depth + (_CHAIR if desks else 0.0), 0.15) + _ROBOT
+        desks = any(piece.wall == wall and piece.kind == "workplace" for piece in here)
+        at_wall = [piece for piece in here if piece.gap < _ISLAND]
+        return max(depth_at(room, wall, at_wall) + (_CHAIR if desks else 0.0), 0.15) + _ROBOT
 
     x0, x1, y0, y1 = room.x0 + kept("W"), room.x1 - kept("E"), room.y0 + kept("S"), room.y1 - kept("N")
     x0, x1 = (x0, x1) if x0 < x1 else ((x0 + x1) / 2,) * 2
     y0, y1 = (y0, y1) if y0 < y1 else ((y0 + y1) / 2,) * 2
+    for piece in here:
+        if piece.gap >= _ISLAND:
+            x0, x1, y0, y1 = _beside((x0, x1, y0, y1), solids_of(room, piece))
     return x0, x1, y0, y1
+
+
+def _beside(free: tuple[float, float, float, float], solids: Sequence[Solid]) -> tuple[float, float, float, float]:
+    """Return the largest of the four rectangles that something leaves of a rectangle."""
+    x0, x1, y0, y1 = free
+    reach = [max(solid.width, solid.depth) / 2 + _ROBOT for solid in solids]
+    left = min(s.x - r for s, r in zip(solids, reach, strict=True))
+    right = max(s.x + r for s, r in zip(solids, reach, strict=True))
+    low = min(s.y - r for s, r in zip(solids, reach, strict=True))
+    high = max(s.y + r for s, r in zip(solids, reach, strict=True))
+    if left > x1 or right < x0 or low > y1 or high < y0:
+        return free
+    rest = [(x0, left, y0, y1), (right, x1, y0, y1), (x0, x1, y0, low), (x0, x1, high, y1)]
+    return max(rest, key=lambda r: min(r[1] - r[0], 1.0) * min(r[3] - r[2], 1.0) if r[1] > r[0] and r[3] > r[2] else -1)
 
 
 def resampled(corners: Floats) -> Floats:

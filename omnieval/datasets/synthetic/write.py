@@ -43,7 +43,7 @@ def synthesize(
         How many captures: the first of the tour; more than one tour has, and the robot drives it again. None: one
         whole tour.
     seed
-        Decides sway, clock, people and noise, and the textures of building 1. The same seed gives the same bytes.
+        Decides sway, clock, people and noise. The same seed gives the same bytes.
     workers
         Threads; None: one a processor. The result does not depend on it.
     progress
