@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from omnieval.exports.write import Exported, export
     from omnieval.localization.run import Localization, localize, open_localization
     from omnieval.loop import describe_archive, replay
+    from omnieval.mapping.geodesic.mapper import Geodesic
+    from omnieval.mapping.geodesic.settings import GeodesicSettings
     from omnieval.mapping.interface import BranchingMapper, Column, Gate, Mapper
     from omnieval.mapping.leader import Leader, LeaderSettings
     from omnieval.mapping.map import TopologicalMap
@@ -74,6 +76,8 @@ _HOMES = {
     "Column": "mapping.interface",
     "Gate": "mapping.interface",
     "Mapper": "mapping.interface",
+    "Geodesic": "mapping.geodesic.mapper",
+    "GeodesicSettings": "mapping.geodesic.settings",
     "Leader": "mapping.leader",
     "LeaderSettings": "mapping.leader",
     "TopologicalMap": "mapping.map",
@@ -109,6 +113,8 @@ __all__ = [
     "Exported",
     "FinalMap",
     "Gate",
+    "Geodesic",
+    "GeodesicSettings",
     "Gist",
     "GistSettings",
     "Hog",

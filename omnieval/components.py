@@ -41,6 +41,7 @@ BUILT_IN: dict[Kind, dict[str, str]] = {
     "mapper": {
         "roman2020": "omnieval.mapping.roman2020.mapper:Roman2020",
         "leader": "omnieval.mapping.leader:Leader",
+        "geodesic": "omnieval.mapping.geodesic.mapper:Geodesic",
     },
 }
 """Components that come with omnieval, the default first, by their place, so that each is imported when it is used."""

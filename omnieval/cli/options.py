@@ -59,7 +59,7 @@ MapperName = Annotated[
     str | None,
     typer.Option(
         "--mapper",
-        help="Mapper: roman2020 (default), leader, package.module:Class or path/file.py:Class.",
+        help="Mapper: roman2020 (default), geodesic, leader, package.module:Class or path/file.py:Class.",
         metavar="NAME",
         autocompletion=_mappers,
     ),

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 import omnieval
-from omnieval.components import BUILT_IN
+from omnieval.components import BUILT_IN, find_class
 from omnieval.config import parameters
 from omnieval.mapping.roman2020.evidence import Verdict
 from omnieval.mapping.step import Placement, Role
@@ -79,7 +79,7 @@ def test_every_verdict_role_and_placement_is_described():
 def test_every_gate_and_column_that_a_mapper_declares_is_described():
     declared = section(COLUMNS, "What a mapper declares")
     for name in BUILT_IN["mapper"]:
-        mapper = next(cls for cls in (omnieval.Roman2020, omnieval.Leader) if cls.name == name)
+        mapper = find_class("mapper", name)
         text = declared.split(f"\n### {name}\n")[1].split("\n### ")[0]
         assert first_cells(text) == [one.name for one in (*mapper.gates, *mapper.columns)]
 
