@@ -37,6 +37,9 @@ def localize(
         list[str] | None,
         typer.Option("--without-room", help="Leave a room out of the map; repeatable.", metavar="ROOM"),
     ] = None,
+    poses: options.Poses = None,
+    poses_tolerance: options.PosesTolerance = None,
+    poses_interpolate: options.PosesInterpolate = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -69,7 +72,7 @@ def localize(
     with progress("localising") as report:
         found = find(
             run,
-            *sources,
+            *(options.posed(source, poses, poses_tolerance, poses_interpolate) for source in sources),
             strategies=chosen,
             within=within,
             map_limit=map_limit,

@@ -28,6 +28,7 @@ from omnieval.datasets.findings import Finding
 from omnieval.datasets.labels import joined_labels
 from omnieval.datasets.scan import (
     Scan,
+    called,
     canonical_path,
     has_image_suffix,
     in_time,
@@ -181,9 +182,18 @@ def _room(label: str) -> str:
     return match["room"] if match else label
 
 
+def _called(root: Path, name: str) -> Path:
+    """Return a file below `root`, whatever the case of its own name."""
+    folder, _, last = name.rpartition("/")
+    return called(root / folder, last)
+
+
 def _labelled(found: ImageFolders, frames: list[Frame]) -> tuple[list[Frame], list[Finding]]:
     """Return the frames with the rooms that ``places.lst`` gives them, and what is odd about that."""
-    path = next((path for name in PLACES_FILES if (path := found.root / name).exists()), None)
+    try:
+        path = next((path for name in PLACES_FILES if (path := _called(found.root, name)).exists()), None)
+    except DatasetError as error:
+        return frames, [Finding("error", "unreadable-labels", PLACES_FILE, str(error))]
     if path is None:
         if any(frame.room for frame in frames):
             return frames, []

@@ -31,7 +31,9 @@ from omnieval.datasets.poses import BY_HEADING, Capture, Table, file_key, scan_t
 from omnieval.datasets.scan import (
     IMAGE_KINDS,
     Scan,
+    called,
     canonical_path,
+    exists,
     has_image_suffix,
     in_time,
     missing_folder,
@@ -104,7 +106,7 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
 
 def _card(root: Path, packaged: Card, own_cards: tuple[str, ...]) -> Card:
     """Return the packaged card, with what a card beside the data says in place of its own."""
-    there = [name for name in own_cards if (root / name).exists()]
+    there = [file.name for name in own_cards if exists(file := called(root, name))]
     if len(there) > 1:
         raise DatasetError(f"both {there[0]} and {there[1]} are there; keep one")
     if not there:
@@ -176,7 +178,7 @@ def _poses_file(root: Path, truth: GroundTruth) -> str | Finding:
     found = [
         name
         for name in _matches(root, truth.file)
-        if name not in (INNOVA_CARD, OWN_CARD) and not has_image_suffix(name)
+        if name.casefold() not in (INNOVA_CARD, OWN_CARD) and not has_image_suffix(name)
     ]
     if len(found) == 1:
         return found[0]

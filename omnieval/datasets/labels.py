@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import re
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -12,6 +13,8 @@ from omnieval.datasets.findings import Finding
 from omnieval.datasets.names import time_in_name
 from omnieval.datasets.sequence import Frame
 from omnieval.wording import counted, shown
+
+_ENDING = re.compile(r"\.[a-z][a-z0-9]*$")
 
 
 def joined_labels(
@@ -41,7 +44,7 @@ def joined_labels(
     below
         Folder of the frames, for messages.
     """
-    stems = {PurePosixPath(frame.file).stem: frame.file for frame in frames}
+    stems = {_stem(frame.file): frame.file for frame in frames}
     own = {name: stems[stem] for name in rooms if (stem := _stem(name)) in stems}
     labels = {own[name]: room for name, room in rooms.items() if name in own}
     strange = {name: room for name, room in rooms.items() if name not in own}
@@ -93,4 +96,5 @@ def _half_interval_ns(frames: Sequence[Frame]) -> float:
 
 
 def _stem(name: str) -> str:
-    return PurePosixPath(name.replace("\\", "/")).stem
+    """Return the last part of a path without its ending, in lower case; decimals are no ending."""
+    return _ENDING.sub("", PurePosixPath(name.replace("\\", "/")).name.casefold())

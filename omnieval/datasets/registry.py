@@ -228,7 +228,7 @@ def _scheme_of(root: Path) -> str | Finding:
     from omnieval.datasets.folder import INNOVA_CARD, OWN_CARD
     from omnieval.datasets.poses import POSES_FILE
 
-    names, cold = visible_names(root), find_images(root)
+    names, cold = [name.casefold() for name in visible_names(root)], find_images(root)
     has_images = any(map(has_image_suffix, names))
     published = isinstance(cold, ImageFolders) and cold.layout == "published"
     if published or INNOVA_CARD in names:

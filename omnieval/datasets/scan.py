@@ -167,6 +167,22 @@ def visible_names(folder: Path) -> list[str]:
         return []
 
 
+def called(folder: Path, name: str) -> Path:
+    """Return the file of a name in a folder, or the one whose name differs in upper and lower case only.
+
+    Raises
+    ------
+    DatasetError
+        If there are several of the latter.
+    """
+    alike = [one for one in visible_names(folder) if one.casefold() == name.casefold()]
+    if name in alike or not alike:
+        return folder / name
+    if len(alike) > 1:
+        raise DatasetError(f"both {shown(alike[0])} and {shown(alike[1])} are there; keep one")
+    return folder / alike[0]
+
+
 def read_text(path: Path) -> str:
     """Return the text in `path`.
 

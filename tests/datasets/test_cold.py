@@ -151,6 +151,14 @@ class TestFolders:
             image.write_bytes(b"not an image")
         assert len(read_cold(root)) == 2
 
+    def test_labels_may_be_named_in_another_case_and_without_endings(self, tmp_path):
+        names = cold_names(3)
+        root = make_cold(tmp_path / "seq", names, label=None)
+        (root / "localization").mkdir()
+        lines = [f"{names[0].upper()} CR-A", f"omni_cam/{names[1].removesuffix('.jpeg')} KT-A", f"{names[2]} CR-B"]
+        (root / "localization" / "Places.LST").write_text("\n".join(lines))
+        assert scan_cold(root).sequence().rooms == ("CR", "KT", "CR")
+
     def test_labels_are_optional(self, tmp_path):
         assert read_cold(make_cold(tmp_path / "seq", cold_names(2), label=None)).rooms == (None, None)
 

@@ -140,3 +140,15 @@ def test_a_table_may_do_without_yaw_and_without_endings(tmp_path):
 def test_an_image_may_be_called_like_a_comment(tmp_path):
     sequence = read_folder(make_folder(tmp_path / "f", ["#1.png"], "file,x,y,yaw\n#1.png,3,4,0\n,,,\n"))
     assert sequence.positions == pytest.approx(np.array([[3, 4]]))
+
+
+def test_the_names_of_the_files_beside_the_images_may_be_of_any_case(tmp_path):
+    root = make_folder(tmp_path / "f", ["1.png"])
+    (root / "Poses.CSV").write_text("file,x,y\nIMG/1.PNG,3,4\n")
+    (root / "Card.TOML").write_text("image_size = [16, 12]\n")
+    sequence = load(root)
+    assert sequence.frames[0].pose is not None
+    assert sequence.card == "Card.TOML"
+    (root / "CARD.toml").write_text("image_size = [16, 12]\n")
+    with pytest.raises(DatasetError, match=r"both CARD.toml and Card.TOML are there; keep one"):
+        load(root)
