@@ -28,7 +28,7 @@ from tests.faults.commands import (
 
 pytestmark = pytest.mark.faults
 
-REPLAYS, ABLATIONS = 12, 6
+REPLAYS, ABLATIONS = 8, 4
 
 
 def moments(count, seconds, seed):

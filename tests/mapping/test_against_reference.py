@@ -54,7 +54,7 @@ def cases(count: int, seed: int, **world: Any) -> list[tuple[World, Roman2020Set
 
 
 FAST = cases(24, seed=100, visits=7)
-SLOW = cases(200, seed=10_000)
+SLOW = cases(120, seed=10_000)
 
 
 @cache
