@@ -98,7 +98,7 @@ def test_run_json_has_the_hashes_of_the_tables(panoramas, tmp_path):
     config = omnieval.configure(n_init=10, n_new=10, gamma=1.0, omega=3.5, merge_y=0.5)
     run = replay(panoramas, config=config, out=tmp_path / "run")
     stored = json.loads((tmp_path / "run" / "run.json").read_text())["content_hashes"]
-    tables = {"steps": run.steps, "nodes": run.nodes, "transitions": run.transitions}
+    tables = {"steps": run.steps, "nodes": run.nodes, "transitions": run.transitions, "quality": run.quality}
     assert stored == {name: content_hash(table) for name, table in tables.items()}
     assert open_run(tmp_path / "run").content_hash == folder_hash(stored)
 

@@ -96,7 +96,10 @@ def as_kind(kind, sequence):
         (lambda raw: with_frame(raw, 3, file="/data/300.raw"), "relative to the sequence, .* got '/data/300.raw'"),
         (lambda raw: with_frame(raw, 3, file="../300.raw"), "relative to the sequence"),
         (lambda raw: with_frame(raw, 3, file="raw\\300.raw"), "with / as separator"),
-        (lambda raw: with_frame(raw, 3, pose=Pose(0, math.nan, 0)), r"300\.raw: a pose must be finite or None"),
+        (
+            lambda raw: with_frame(raw, 3, pose=Pose(0, math.nan, 0)),
+            r"300\.raw: a position must be finite, or the pose None",
+        ),
         (lambda raw: with_frame(raw, 3, pose=Pose(0, 0, 4)), r"300\.raw: yaw must lie in \(-pi, pi\], got 4"),
         (lambda raw: with_frame(raw, 3, room=""), "an unknown room must be None, not empty"),
         (lambda raw: with_frame(raw, 3, time_ns=0.3), "time_ns must be an int, got 0.3"),
