@@ -266,8 +266,10 @@ class _Evidence:
                 ends = active_rim(activity(self._images[first::2]), named_generator(0, "mirror-rim"))
                 if ends is not None:
                     halves.append(ends.circle)
+        if not halves and rim.by_edge:
+            return None  # it takes all images to see it
         if len(halves) < 2:
-            return None if rim.by_edge else rim.circle.radius  # nothing like it moves in one of the halves
+            return rim.circle.radius  # there is nothing like it in one of the halves
         return _apart(*halves)
 
     def _blind_spot(self, rim: Circle) -> tuple[float | None, float]:

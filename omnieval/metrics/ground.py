@@ -167,6 +167,7 @@ class Ground:
             return np.arange(len(self))
         squares = np.floor(self.positions / _SQUARE_M)
         _, first, codes = np.unique(squares, axis=0, return_index=True, return_inverse=True)
+        codes = codes.ravel()  # NumPy 2.0.0 returns a column
         ranks = np.argsort(np.argsort(first))
         return np.asarray(ranks[codes], np.int64)
 

@@ -174,6 +174,7 @@ def _spanning_links(points: NDArray[np.float64]) -> NDArray[np.int64]:
     triangulation have this property (Preparata and Shamos 1985, Computational Geometry, theorem 6.1).
     """
     different, codes = np.unique(points, axis=0, return_inverse=True)
+    codes = codes.ravel()  # NumPy 2.0.0 returns a column
     first = np.zeros(len(different), np.int64)
     first[codes[::-1]] = np.arange(len(points))[::-1]
     own = np.arange(len(points))
