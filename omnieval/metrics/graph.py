@@ -164,7 +164,7 @@ class Ways:
 
     def _graph(self, weights: NDArray[np.float64]) -> csr_array:
         weights = np.maximum(weights, NO_LENGTH_M)
-        both = np.concatenate([self._ends, self._ends[:, ::-1]])
+        both = np.concatenate([self._ends, self._ends[:, ::-1]]).astype(np.int32)  # all that older SciPy takes
         size = len(self._nodes)
         return csr_array(coo_array((np.tile(weights, 2), tuple(both.T)), shape=(size, size)))
 

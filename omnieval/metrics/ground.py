@@ -180,7 +180,8 @@ class Ground:
         successive = successive[successive[:, 0] < successive[:, 1]]
         one, other = np.divmod(np.unique(np.concatenate([near, successive]) @ np.array([count, 1])), count)
         lengths = np.maximum(np.hypot(*(places[one] - places[other]).T), NO_LENGTH_M)
-        half = csr_array((lengths, (one, other)), shape=(count, count))
+        ends = one.astype(np.int32), other.astype(np.int32)  # all that older SciPy takes
+        half = csr_array((lengths, ends), shape=(count, count))
         return half + half.T
 
     def _found(self, thetas: Sequence[float]) -> dict[float, Near]:
