@@ -151,7 +151,7 @@ def check(
 
       omnieval dataset check cold:/data/cold-freiburg/part_a/seq2_cloudy3
 
-      omnieval dataset check folder:/data/donuts --preview camera.png
+      omnieval dataset check folder:/data/panoramas --preview camera.png
     """
     from omnieval.cli.console import print_json, progress
     from omnieval.datasets.check import check as check_sequence

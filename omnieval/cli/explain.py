@@ -52,8 +52,6 @@ def explain(
       omnieval explain runs/synthetic-cloudy-hog 412
 
       omnieval explain runs/synthetic-cloudy-hog --refused
-
-      omnieval explain runs/synthetic-night-in-synthetic-cloudy-hog 300
     """
     from omnieval.errors import ConfigError
     from omnieval.results.manifest import kind_of

@@ -51,7 +51,7 @@ def test_the_building_passes_the_check():
     """It stands here because rendering the whole building takes longer than looking at it twice."""
     report = check(SOURCE)
     assert report.findings == ()
-    assert set(report.rooms) == {room.code for room in ROOMS}
+    assert set(report.rooms) == {room.code for room in ROOMS} - {"PA"}  # entered in another light only
 
 
 @pytest.fixture(scope="module")
