@@ -9,9 +9,9 @@ from __future__ import annotations
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from omnieval.config import Config, as_config
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.archive import Archive, save_archive
 from omnieval.descriptors.describe import DescribedFrame
+from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError, ResultError
 from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], None]
 RUNS = Path("runs")
+_MADE_BY = ("sequence", "source", "cut", "descriptor", "mapper", "imaging", "camera")
+"""What a map says of the run that made it, as ``run.json`` says it."""
 
 
 def replay(
@@ -230,6 +233,18 @@ def made_mapper(component: Component) -> Mapper:
     return mapper
 
 
+def mapped(component: Component, descriptions: Iterable[Description]) -> Mapper:
+    """Return a new mapper that has mapped some images."""
+    mapper = made_mapper(component)
+    expect = getattr(mapper, "expect", None)
+    for block in blocks(descriptions, AHEAD):
+        if expect:
+            expect(block)
+        for description in block:
+            mapper.step(description)
+    return mapper
+
+
 def too_short(mapper: Any, images: int) -> str | None:
     """Say why so many images are too few for a mapper, if it says so."""
     ask: Callable[[int], str | None] = getattr(mapper, "too_short", lambda images: None)
@@ -299,7 +314,8 @@ def _run(
     }
     outcome = _outcome(material, config.mapper, trace, evaluation, seconds)
     if atlas:
-        atlas.finish(final, steps, tables["nodes"], _map_about(material, config, outcome["identity"]))
+        made_by = {name: writer.content[name] for name in _MADE_BY}
+        atlas.finish(final, steps, {**made_by, "run": outcome["identity"]})
     run = writer.finish(tables, outcome)
     if sink is None:
         return run
@@ -356,20 +372,6 @@ def _manifest(material: Material, config: Config, method: Method) -> dict[str, A
         "imaging": config.imaging.model_dump(mode="json"),
         "versions": versions(),
         "code": code_digest(),
-    }
-
-
-def _map_about(material: Material, config: Config, identity: str) -> dict[str, Any]:
-    """Return what a map says of what made it."""
-    return {
-        "sequence": material.name,
-        "source": material.source,
-        "cut": asdict(material.cut),
-        "run": identity,
-        "descriptor": material.descriptor.about,
-        "mapper": config.mapper.about,
-        "imaging": config.imaging.model_dump(mode="json"),
-        "camera": material.about["camera"],
     }
 
 

@@ -27,7 +27,7 @@ from omnieval.datasets.camera_file import camera_beside
 from omnieval.datasets.cards import Card, GroundTruth, Layout, card, overridden
 from omnieval.datasets.findings import ROOT, Finding
 from omnieval.datasets.names import natural_key, time_in_name, twins
-from omnieval.datasets.poses import BY_HEADING, Capture, Table, file_key, scan_table, wrapped
+from omnieval.datasets.poses import BY_HEADING, Capture, Table, file_key, scan_table
 from omnieval.datasets.scan import (
     IMAGE_KINDS,
     Scan,
@@ -42,7 +42,7 @@ from omnieval.datasets.scan import (
     read_text,
     unread_remarks,
 )
-from omnieval.datasets.sequence import Camera, Frame, Pose
+from omnieval.datasets.sequence import Camera, Frame, Pose, wrapped
 from omnieval.datasets.trajectory.load import posed_by_what_is_beside
 from omnieval.errors import DatasetError
 from omnieval.wording import safe_name, shown

@@ -72,14 +72,6 @@ def file_key(name: str) -> str:
     return unicodedata.normalize("NFC", name)
 
 
-def wrapped(yaw: float) -> float:
-    """Return `yaw` in (-pi, pi], radians; a value that is not finite unchanged."""
-    if not math.isfinite(yaw) or -math.pi < yaw <= math.pi:
-        return yaw
-    turned = math.remainder(yaw, math.tau)
-    return math.pi if turned <= -math.pi else turned
-
-
 def scan_table(data: bytes, name: str, truth: GroundTruth = BY_HEADING) -> tuple[Table, list[Finding]]:
     """Return the rows of a table, in order, and what is wrong with them.
 

@@ -194,6 +194,14 @@ def positions_of(frames: Iterable[Frame]) -> NDArray[np.float64] | None:
     return values
 
 
+def wrapped(yaw: float) -> float:
+    """Return `yaw` in (-pi, pi], radians; a value that is not finite unchanged."""
+    if not math.isfinite(yaw) or -math.pi < yaw <= math.pi:
+        return yaw
+    turned = math.remainder(yaw, math.tau)
+    return math.pi if turned <= -math.pi else turned
+
+
 def _composed(first: _Cut, then: _Cut) -> _Cut:
     """Return the one cut that leaves what `then` leaves of what `first` left."""
     limits = [] if then[2] is None else [then[2]]

@@ -1,7 +1,6 @@
 """The metrics of localisation: of the answers of one strategy to the images of one sequence.
 
-Refusals count as misses. Of proportions there is a Wilson 95 % interval (E. B. Wilson 1927,
-doi 10.1080/01621459.1927.10502953).
+Refusals count as misses.
 """
 
 from __future__ import annotations
@@ -13,25 +12,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-
-@dataclass(frozen=True)
-class Proportion:
-    """A share of some cases, with its 95 % interval.
-
-    Attributes
-    ----------
-    value
-        The share, 0..1.
-    count
-        Of how many.
-    low, high
-        Its interval.
-    """
-
-    value: float
-    count: int
-    low: float
-    high: float
+from omnieval.mapping.step import Role
+from omnieval.metrics.proportion import Proportion
 
 
 @dataclass(frozen=True)
@@ -65,7 +47,7 @@ METRICS: dict[str, str] = {
     "recall_covered@1": "recall@1 of the queries that the map covers",
     "recall_nearest@1": "share of posed queries whose best image is the map's nearest",
     "recall_nearest@5": "share of posed queries whose best image is among the map's five nearest",
-    "node_accuracy": "share of located queries within theta of an image of the node that was chosen",
+    "node_accuracy": "share of queries located in a node that are within theta of one of its images",
     "room_accuracy": "share of located queries whose best image is in the same room",
     "heading_error_median": "median error of the heading, degrees",
     "right": "open set: located within theta",
@@ -92,7 +74,9 @@ def measure(answers: pl.DataFrame, theta: float, images: int) -> Measures:
         Number of images in the map.
     """
     posed = answers.filter(pl.col("reachable").is_not_null())
-    located = answers.filter(pl.col("node").is_not_null())
+    refused = pl.col("role") == Role.REFUSED.value
+    found = ~refused
+    located = answers.filter(found)
     judged = posed.filter(pl.col("error").is_not_null())
     values: dict[str, Any] = dict.fromkeys(METRICS)
     values |= {
@@ -107,7 +91,6 @@ def measure(answers: pl.DataFrame, theta: float, images: int) -> Measures:
     if len(posed):
         near, error, reachable, rank = pl.col("error") <= theta, judged["error"], posed["reachable"], pl.col("rank")
         covered = posed.filter(pl.col("reachable") <= theta)
-        found, refused = pl.col("node").is_not_null(), pl.col("node").is_null()
         outside = pl.col("reachable") > theta
         values |= {
             "error_mean": _of(error, "mean"),
@@ -129,26 +112,11 @@ def measure(answers: pl.DataFrame, theta: float, images: int) -> Measures:
             "recall_covered@1": _share(covered, found & near),
             "recall_nearest@1": _share(posed, found & (pl.col("nearest_rank") <= 1)),
             "recall_nearest@5": _share(posed, found & (pl.col("nearest_rank") <= 5)),
-            "node_accuracy": _share(posed.filter(found), pl.col("node_right")),
+            "node_accuracy": _share(posed.filter(found & pl.col("node").is_not_null()), pl.col("node_right")),
         }
         proportions |= {name: share for name, share in shares.items() if share is not None}
     values |= {name: one.value for name, one in proportions.items()}
     return Measures(values, proportions)
-
-
-def proportion(right: int, count: int) -> Proportion:
-    """Return a share with its Wilson 95 % interval.
-
-    Examples
-    --------
-    >>> half = proportion(5, 10)
-    >>> half.value, round(half.low, 4), round(half.high, 4)
-    (0.5, 0.2366, 0.7634)
-    """
-    from scipy.stats import binomtest
-
-    interval = binomtest(right, count).proportion_ci(0.95, method="wilson")
-    return Proportion(right / count, count, float(interval.low), float(interval.high))
 
 
 def _shares_of_rooms(located: pl.DataFrame) -> dict[str, Proportion]:
@@ -158,7 +126,7 @@ def _shares_of_rooms(located: pl.DataFrame) -> dict[str, Proportion]:
 
 
 def _share(answers: pl.DataFrame, condition: pl.Expr) -> Proportion | None:
-    return proportion(_count(answers, condition), len(answers)) if len(answers) else None
+    return Proportion(_count(answers, condition), len(answers)) if len(answers) else None
 
 
 def _count(answers: pl.DataFrame, condition: pl.Expr) -> int:

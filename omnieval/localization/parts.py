@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.components import Component
 from omnieval.errors import ConfigError
-from omnieval.loop import made_mapper, too_short
-from omnieval.mapping.map import TopologicalMap
-from omnieval.mapping.memory import AHEAD, blocks
-from omnieval.mapping.partition import count_transitions
+from omnieval.loop import made_mapper, mapped, too_short
+from omnieval.mapping.map import TopologicalMap, arrays_of
 from omnieval.wording import did_you_mean
 
 
@@ -56,33 +55,10 @@ def map_of_part(map_: TopologicalMap, kept: NDArray[np.bool_], mapper: Component
         If they are too few for the mapper.
     """
     frames = np.flatnonzero(kept)
-    made = made_mapper(mapper)
-    if fault := too_short(made, len(frames)):
+    if fault := too_short(made_mapper(mapper), len(frames)):
         raise ConfigError(f"part of the map: {fault}")
-    for block in blocks(map(map_.description, frames.tolist()), AHEAD):
-        made.expect(block)
-        for description in block:
-            made.step(description)
-    final = made.finish()
-    positions = map_.positions[frames]
-    representatives = []
-    for node, mean in zip(final.nodes, final.representatives, strict=True):
-        own = np.flatnonzero(final.labels == node)
-        representatives.append(int(own[np.linalg.norm(positions[own] - mean, axis=1).argmin()]))
-    edges = [(one, other, count) for (one, other), count in count_transitions(final.labels).items()]
-    return replace(
-        map_,
-        files=map_.files[frames],
-        times=map_.times[frames],
-        xy=map_.xy[frames],
-        yaws=map_.yaws[frames],
-        rooms=map_.rooms[frames],
-        positions=positions,
-        orientations=map_.orientations[frames],
-        labels=final.labels,
-        nodes=np.array(final.nodes, np.int64),
-        active=np.array([node in final.active for node in final.nodes]),
-        representatives=final.representatives,
-        representative_frames=np.array(representatives, np.int64),
-        edges=np.array(edges, np.int64).reshape(-1, 3),
-    )
+    final = mapped(mapper, map(map_.description, frames.tolist())).finish()
+    of_images = ("files", "times", "xy", "yaws", "rooms", "orientations")
+    parts: dict[str, Any] = {name: getattr(map_, name)[frames] for name in of_images}
+    parts |= arrays_of(final, map_.positions[frames])
+    return replace(map_, **parts)

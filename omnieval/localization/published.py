@@ -1,8 +1,8 @@
 """What others published for COLD-Freiburg, part A: theirs, on the real images, none of it run here.
 
 The map is seq2_cloudy3, the queries seq2_cloudy2, seq2_night2 and seq2_sunny2. Sources: the READMEs of
-IndoorLocalizationSingleCNN and IndoorLocalizationSNN of the UMH group. Cloudy values
-below 0.17 m look like another split: a map of 588 images is 0.17 m apart.
+IndoorLocalizationSingleCNN and IndoorLocalizationSNN of the UMH group. Cloudy values below 0.17 m look like another
+split: a map of 588 images is 0.17 m apart.
 """
 
 from __future__ import annotations

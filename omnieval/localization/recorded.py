@@ -154,7 +154,7 @@ def _answer(row: dict[str, Any], found: Localization, in_map: dict[str, tuple[Pi
         pictures, frame = in_map[row["best_file"]]
         cells = found.manifest["orientation_cells"]
         panorama = encode_panorama(turn(pictures.panorama(frame), row["shift"], cells))
-    refused = row["node"] is None or row["role"] != Role.JOINED.value
+    refused = row["role"] == Role.REFUSED.value
     return QueryAnswer(
         place=None if refused else _place(row["best_x"], row["best_y"]),
         error=row["error"],

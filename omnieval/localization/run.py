@@ -7,6 +7,7 @@ metrics are by sequence and strategy.
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,16 +25,15 @@ from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError, ResultError
 from omnieval.imaging.settings import ImagingConfig
-from omnieval.localization.measures import Measures, Proportion, measure
+from omnieval.localization.measures import Measures, measure
 from omnieval.localization.parts import kept_images, map_of_part
 from omnieval.localization.strategies import LEVELS, STRATEGIES, Strategy, check_strategies, has_levels
 from omnieval.localization.table import queries_frame, query_row
 from omnieval.localization.truth import truth_of
 from omnieval.loop import RUNS
-from omnieval.mapping.interface import Method
 from omnieval.mapping.map import TopologicalMap
 from omnieval.mapping.memory import AHEAD, blocks
-from omnieval.material import ARCHIVE, Cut, Source, opened
+from omnieval.material import ARCHIVE, Cut, Source, archive_file, opened
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder
@@ -46,6 +46,7 @@ TABLE = "localization.parquet"
 RECORDING = "localization.rrd"
 """See `localization.recorded`."""
 Progress = Callable[[int, int], None]
+_LOG = logging.getLogger("omnieval")
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def localize(
     overwrite
         Replace an earlier localisation in `out`.
     progress
-        Called with (images found, images in all) for each sequence.
+        Called with (answers so far, answers in all).
 
     Raises
     ------
@@ -162,7 +163,7 @@ def localize(
     about = {
         "map": {"run": str(where), "sequence": map_.about["sequence"], "digest": whole, **part},
         "queries": [query.about for query in queries],
-        "mapper": {**mapper.about, **_method(mapper).about},
+        "mapper": map_.about["mapper"],
         "descriptor": config.descriptor.about,
         "orientation_cells": map_.cells,
         "strategies": list(chosen),
@@ -238,6 +239,11 @@ def _described(
     """
     queries: list[_Query] = []
     for source in sources:
+        if (archive_file(source) is None) != (map_.about["camera"] is not None):
+            raise ResultError(
+                f"{source} cannot be found in the map of {map_.about['sequence']}: one has images and the other only "
+                "descriptors; use the same kind"
+            )
         with opened(source, config, cut, skip_bad=skip_bad) as material:
             refused = f"{material.source} cannot be found in the map of {map_.about['sequence']}"
             if fault := _other_camera(material.camera, map_.about["camera"]):
@@ -268,7 +274,11 @@ def _map_of(run: Run | TopologicalMap | str | Path) -> tuple[TopologicalMap, Pat
 def _strategies(names: Sequence[str] | None, mapper: Component) -> tuple[str, ...]:
     """Return the strategies asked for; by default all that the mapper has."""
     if names is None:
-        return tuple(name for name in STRATEGIES if name != LEVELS or has_levels(mapper))
+        try:
+            return tuple(name for name in STRATEGIES if name != LEVELS or has_levels(mapper))
+        except ConfigError as error:  # the images of the map can be compared without it
+            _LOG.warning("the mapper's own levels are left out: %s", error)
+            return tuple(name for name in STRATEGIES if name != LEVELS)
     check_strategies(names)
     if LEVELS in names and not has_levels(mapper):
         raise ConfigError(
@@ -291,17 +301,13 @@ def _config(map_: TopologicalMap, mapper: Component) -> Config:
     return Config(mapper, descriptor, ImagingConfig.model_validate(map_.about["imaging"]))
 
 
-def _method(mapper: Component) -> Method:
-    return Method.of(mapper.given or mapper.cls, mapper.name, mapper.settings)
-
-
 def _other_camera(camera: Mapping[str, Any] | None, of_map: Mapping[str, Any] | None) -> str | None:
     """Say why panoramas of two cameras cannot be compared; None if they can.
 
     Where the mirror lies is the image's own affair: every sequence has it where its camera was.
     """
     if camera is None or of_map is None:
-        return None if camera is of_map else "one has images and the other only descriptors; use the same kind"
+        return None
     differing = [
         f"{name} {camera.get(name)}, not {of_map.get(name)}"
         for name in sorted({*camera, *of_map} - {"origin", "mirror"})
@@ -341,8 +347,5 @@ def _free_name(name: str, taken: Sequence[str]) -> str:
 
 
 def _intervals(measured: Measures) -> dict[str, list[float]]:
-    return {name: _interval(one) for name, one in measured.proportions.items()}
-
-
-def _interval(one: Proportion) -> list[float]:
-    return [one.low, one.high, one.count]
+    """Return the interval of every proportion, and of how many it is."""
+    return {name: [*one.interval, one.count] for name, one in measured.proportions.items()}

@@ -19,8 +19,8 @@ from omnieval.components import Component
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import Distances
 from omnieval.errors import ConfigError
-from omnieval.loop import made_mapper
-from omnieval.mapping.interface import Method
+from omnieval.loop import mapped
+from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.map import TopologicalMap
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.step import Match, Role, Step
@@ -88,15 +88,14 @@ class Levels(Strategy):
 
     def __init__(self, map_: TopologicalMap, mapper: Component) -> None:
         super().__init__(map_, mapper)
-        self._mapper = made_mapper(mapper)
-        for block in blocks(map_.descriptions(), AHEAD):
-            self._mapper.expect(block)
-            for description in block:
-                self._mapper.step(description)
+        self._mapper = mapped(mapper, map_.descriptions())
+        self._expect = getattr(self._mapper, "expect", None)
+        self._method = Method.of(self._mapper, mapper.name, mapper.settings)
 
     def expect(self, descriptions: Sequence[Description]) -> None:
         """See `Strategy.expect`."""
-        self._mapper.expect(descriptions)
+        if self._expect:
+            self._expect(descriptions)
 
     def find(self, description: Description) -> Found:
         """See `Strategy.find`."""
@@ -111,8 +110,7 @@ class Levels(Strategy):
         return tuple(np.unique(self.map.labels[step.curves.frames]).tolist())
 
     def _doubt(self, step: Step) -> float | None:
-        method = Method.of(self._mapper, self.mapper.name, self.mapper.settings)
-        gate = next((one for one in step.comparisons if method.gate(one.gate).closes), None)
+        gate = next((one for one in step.comparisons if self._method.gate(one.gate).closes), None)
         if gate is None:
             return None
         return -gate.best if gate.reaches else gate.best
@@ -189,15 +187,16 @@ def check_strategies(names: Sequence[str]) -> None:
 
 
 def has_levels(mapper: Component) -> bool:
-    """Whether a mapper finds images by levels of its own."""
-    from omnieval.mapping.interface import BranchingMapper, Mapper
+    """Whether a mapper finds images by levels of its own.
 
-    cls = type(mapper.given) if mapper.given is not None else mapper.cls
-    if not issubclass(cls, Mapper):
-        return hasattr(cls, "locate")
-    if issubclass(cls, BranchingMapper) and cls.locate is BranchingMapper.locate:
-        return cls.look is not BranchingMapper.look
-    return cls.locate is not Mapper.locate
+    Raises
+    ------
+    ConfigError
+        If its class cannot be found.
+    """
+    locate = getattr(mapper.cls, "locate", Mapper.locate)
+    look = getattr(mapper.cls, "look", BranchingMapper.look)
+    return locate not in (Mapper.locate, BranchingMapper.locate) or look is not BranchingMapper.look
 
 
 def product_distance(compared: Distances) -> NDArray[np.float64]:

@@ -13,9 +13,9 @@ from omnieval.datasets.sequence import Frame
 from omnieval.localization.strategies import Found
 from omnieval.localization.truth import Truth
 from omnieval.mapping.map import TopologicalMap
-from omnieval.mapping.step import Comparison, Match, Role, Step
+from omnieval.mapping.step import Match, Role, Step
 from omnieval.results.schemas import COMPARISON, ROLE, table_schema
-from omnieval.results.tables import comparison_row
+from omnieval.results.tables import comparison_row, comparisons_from_row
 
 QUERIES = table_schema(
     {
@@ -52,7 +52,7 @@ QUERIES = table_schema(
         "milliseconds": pl.Float64,
     }
 )
-"""A row a query and strategy. `node` is null where it was refused; `best_*` is the most similar image all the same."""
+"""A row a query and strategy. `role` says whether it was refused; `best_*` is the most similar image all the same."""
 
 
 def query_row(
@@ -119,9 +119,7 @@ def step_of(row: dict[str, Any]) -> Step:
         role=Role(row["role"]),
         node=row["node"],
         match=match,
-        comparisons=tuple(
-            Comparison(**{**one, "values": tuple(one["values"]), "of": tuple(one["of"])}) for one in row["comparisons"]
-        ),
+        comparisons=comparisons_from_row(row),
     )
 
 

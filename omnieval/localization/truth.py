@@ -10,6 +10,7 @@ import numpy as np
 
 from omnieval.localization.strategies import Found
 from omnieval.mapping.map import TopologicalMap
+from omnieval.mapping.step import Role
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,12 @@ def truth_of(
     near = np.flatnonzero(distances[found.ranked] <= theta)
     about["rank"] = int(near[0]) + 1 if len(near) else None
     match = found.step.match
-    if found.step.node is not None and match is not None:
+    if found.step.role is not Role.REFUSED and match is not None:
         error = float(distances[match.frame])
         if math.isfinite(error):
             about |= {"error": error, "nearest_rank": 1 + int(np.count_nonzero(distances < error))}
-        of_node = distances[map_.images_of(found.step.node)]
-        about["node_right"] = bool((of_node <= theta).any())
+        if found.step.node is not None:
+            about["node_right"] = bool((distances[map_.images_of(found.step.node)] <= theta).any())
     return Truth(heading_error=_heading_error(map_, found, yaw), **about)
 
 
@@ -92,7 +93,7 @@ def heading_between(yaw: float, other: float, shift: int, cells: int) -> float:
 
 def _heading_error(map_: TopologicalMap, found: Found, yaw: float | None) -> float | None:
     match = found.step.match
-    if yaw is None or match is None or found.step.node is None:
+    if yaw is None or match is None or found.step.role is Role.REFUSED:
         return None
     error = heading_between(yaw, float(map_.yaws[match.frame]), match.shift, map_.cells)
     return error if math.isfinite(error) else None

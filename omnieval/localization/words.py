@@ -54,7 +54,8 @@ def answer_lines(localization: Localization, rows: Sequence[dict[str, Any]]) -> 
         method = method_of(localization.manifest)
         scene = Scene(step, image, _best(row), None, localization.manifest["orientation_cells"])
         page += [("image", lines(scene, method)[1][1])] if not page else []
-        page.append((row["strategy"], _answer_text(step, row) if step.node else decision_text(step, method)))
+        refused = step.role is Role.REFUSED
+        page.append((row["strategy"], decision_text(step, method) if refused else _answer_text(step, row)))
         page += [line for line in lines(scene, method)[2:] if line[0] != "measured"]
         page += _truth_lines(row)
     return page
@@ -62,7 +63,8 @@ def answer_lines(localization: Localization, rows: Sequence[dict[str, Any]]) -> 
 
 def _answer_text(step: Step, row: dict[str, Any]) -> str:
     how = f"compared with {counted(row['compared'], 'image')} of {counted(len(row['candidates']), 'node')}"
-    return f"found in node {step.node}, {how}" if step.role is Role.JOINED else f"{step.verdict}, {how}"
+    where = f"in node {step.node}" if step.node is not None else "at an image that no node has"
+    return f"found {where}, {how}"
 
 
 def _truth_lines(row: dict[str, Any]) -> list[Line]:
@@ -70,7 +72,8 @@ def _truth_lines(row: dict[str, Any]) -> list[Line]:
         return [("error", "unknown: the query or the map has no position")]
     nearest = f"the nearest image of the map, {row['reachable_frame']}, is {row['reachable']:.2f} m away"
     if row["error"] is None:
-        return [("error", f"none, it was refused; {nearest}")]
+        why = "it was refused" if row["role"] == Role.REFUSED.value else "that image has no position"
+        return [("error", f"none, {why}; {nearest}")]
     heading = "" if row["heading_error"] is None else f", heading off by {row['heading_error']:.1f} deg"
     return [("error", f"{row['error']:.2f} m{heading}; {nearest}")]
 

@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
+from omnieval.mapping.partition import count_transitions
+from omnieval.mapping.representative import representative_frames
+from omnieval.mapping.step import FinalMap
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,21 @@ class TopologicalMap:
     def images_of(self, node: int) -> NDArray[np.int64]:
         """Return the images of a node, ascending."""
         return np.flatnonzero(self.labels == node)
+
+
+def arrays_of(final: FinalMap, positions: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a map that follow from a partition and the position descriptors, shape (n, d), by name."""
+    edges = [(one, other, count) for (one, other), count in count_transitions(final.labels).items()]
+    frames = representative_frames(final.labels, final.nodes, final.representatives, positions)
+    return {
+        "positions": positions,
+        "labels": final.labels,
+        "nodes": np.array(final.nodes, np.int64),
+        "active": np.array([node in final.active for node in final.nodes], np.bool_),
+        "representatives": final.representatives,
+        "representative_frames": np.array([frames[node] for node in final.nodes], np.int64),
+        "edges": np.array(edges, np.int64).reshape(-1, 3),
+    }
 
 
 ARRAYS = tuple(field.name for field in fields(TopologicalMap) if field.name != "about")

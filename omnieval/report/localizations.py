@@ -12,6 +12,7 @@ import polars as pl
 
 from omnieval.localization.published import PUBLISHED
 from omnieval.localization.run import Localization
+from omnieval.mapping.step import Role
 from omnieval.palette import BATCH, CONTROL, INK, NODE_COLORS, OURS
 from omnieval.report.figure import Block, Chart, Figure, Skipped, Table
 from omnieval.wording import counted, decimals, ordinal, sentences
@@ -196,7 +197,7 @@ def _route_panel(rows: pl.DataFrame, sequence: str, strategies: Sequence[str]) -
     )
     refused = [
         {"query": query, "what": strategy}
-        for query, strategy in rows.filter(pl.col("error").is_null()).select("query", "strategy").iter_rows()
+        for query, strategy in rows.filter(pl.col("role") == Role.REFUSED.value).select("query", "strategy").iter_rows()
     ]
     layers: list[Any] = [base.mark_line(strokeWidth=1.1)]
     if refused:

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
 from omnieval.errors import ResultError
-from omnieval.mapping.map import ARRAYS, TopologicalMap, array_digest, begun_digest, digest_of_arrays
-from omnieval.mapping.partition import count_transitions
+from omnieval.mapping.map import ARRAYS, TopologicalMap, array_digest, arrays_of, begun_digest, digest_of_arrays
 from omnieval.mapping.step import FinalMap
 from omnieval.results.atomic import replacing, write_json
 
@@ -72,15 +71,15 @@ class MapWriter:
         self._digest.update(orientation.data)
         self._positions.append(np.asarray(description.position, np.float32))
 
-    def finish(self, final: FinalMap, steps: pl.DataFrame, nodes: pl.DataFrame, about: dict[str, Any]) -> None:
+    def finish(self, final: FinalMap, steps: pl.DataFrame, about: dict[str, Any]) -> None:
         """Write the rest and put the files in their place.
 
         Parameters
         ----------
         final
             The final map.
-        steps, nodes
-            The tables of the run.
+        steps
+            The table of the run.
         about
             `TopologicalMap.about`.
 
@@ -91,7 +90,7 @@ class MapWriter:
         """
         self._member.close()
         digests = {"orientations": self._digest.hexdigest()}
-        for name, array in _arrays(final, steps, nodes, np.stack(self._positions)).items():
+        for name, array in _arrays(final, steps, np.stack(self._positions)).items():
             digests[name] = array_digest(array)
             with self._archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 npy.write_array(member, array, allow_pickle=False)
@@ -107,25 +106,15 @@ class MapWriter:
         self._digest = begun_digest(kind, whole)
 
 
-def _arrays(
-    final: FinalMap, steps: pl.DataFrame, nodes: pl.DataFrame, positions: NDArray[np.float32]
-) -> dict[str, NDArray[Any]]:
+def _arrays(final: FinalMap, steps: pl.DataFrame, positions: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
     """Return all arrays of a map but the orientation descriptors."""
-    edges = [(one, other, count) for (one, other), count in count_transitions(final.labels).items()]
-    frames = dict(nodes.select("id", "representative_frame").iter_rows())
     return {
         "files": _text(steps["file"].to_list()),
         "times": steps["time"].cast(pl.Int64).fill_null(UNTIMED).to_numpy(),
         "xy": steps.select("x", "y").cast(pl.Float64).fill_null(np.nan).to_numpy(),
         "yaws": steps["yaw"].fill_null(np.nan).to_numpy(),
         "rooms": _text([room or "" for room in steps["room"].to_list()]),
-        "positions": positions,
-        "labels": final.labels,
-        "nodes": np.array(final.nodes, np.int64),
-        "active": np.array([node in final.active for node in final.nodes]),
-        "representatives": final.representatives,
-        "representative_frames": np.array([frames[node] for node in final.nodes], np.int64),
-        "edges": np.array(edges, np.int64).reshape(-1, 3),
+        **arrays_of(final, positions),
     }
 
 

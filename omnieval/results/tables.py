@@ -98,14 +98,19 @@ def step_from_row(row: dict[str, Any], columns: Iterable[Column]) -> Step:
             NodeEvent(EventKind(event["kind"]), event["node"], event["into"], tuple(event["frames"]))
             for event in row["event"]
         ),
-        comparisons=tuple(
-            Comparison(**{**one, "values": tuple(one["values"]), "of": tuple(one["of"])}) for one in row["comparisons"]
-        ),
+        comparisons=comparisons_from_row(row),
         measured={
             column.name: value
             for column in columns
             if column.threshold_of is None and (value := row[column.name]) is not None
         },
+    )
+
+
+def comparisons_from_row(row: dict[str, Any]) -> tuple[Comparison, ...]:
+    """Return what was compared, of a row of any table that says it."""
+    return tuple(
+        Comparison(**{**one, "values": tuple(one["values"]), "of": tuple(one["of"])}) for one in row["comparisons"]
     )
 
 

@@ -146,7 +146,9 @@ def test_the_names_of_the_files_beside_the_images_may_be_of_any_case(tmp_path):
     root = make_folder(tmp_path / "f", ["1.png"])
     (root / "Poses.CSV").write_text("file,x,y\nIMG/1.PNG,3,4\n")
     (root / "Card.TOML").write_text("image_size = [16, 12]\n")
+    (root / "Camera.TOML").write_text('kind = "panoramic"\n')
     sequence = load(root)
+    assert sequence.camera.kind == "panoramic"
     assert sequence.frames[0].pose is not None
     assert sequence.card == "Card.TOML"
     (root / "CARD.toml").write_text("image_size = [16, 12]\n")

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnieval.datasets import Pose
-from omnieval.datasets.poses import Capture, scan_table, wrapped
+from omnieval.datasets.poses import Capture, scan_table
+from omnieval.datasets.sequence import wrapped
 
 
 def parse_poses(text):

@@ -13,6 +13,7 @@ from omnieval.localization.table import QUERIES
 from omnieval.localization.words import answer_lines, find_query
 from omnieval.results.run_folder import open_run
 from tests.localization.conftest import CONFIG
+from tests.testing.test_mapper import Slices
 
 
 @pytest.fixture(scope="module")
@@ -164,12 +165,47 @@ class Own(Descriptor):
 """
 
 
+def test_the_nearest_image_may_belong_to_no_node_and_is_found_all_the_same(panoramas, tmp_path):
+    config = CONFIG | {"leftovers": "unassigned", "omega": 1.0, "n_new": 15}
+    run = omnieval.replay(panoramas, config=config, out=tmp_path / "run", recording=False)
+    unassigned = run.map.labels == 0
+    assert unassigned.any()
+    found = localize(run, panoramas, strategies=["nearest"], out=tmp_path / "found")
+    assert (found.table["node"].is_null() == pl.Series(unassigned)).all()
+    assert found.measures.select("refused", "recall@1").row(0) == (0, 1.0)
+    query = int(np.flatnonzero(unassigned)[0])
+    text = dict(answer_lines(found, find_query(found, str(query))))
+    assert text["nearest"].startswith("found at an image that no node has")
+    assert text["error"].startswith("0.00 m")
+
+
+def test_a_mapper_that_only_this_process_knew_has_a_map_all_the_same(panoramas, tmp_path, caplog):
+    class Own(Slices):
+        pass
+
+    run = omnieval.replay(panoramas, mapper=Own(), out=tmp_path / "run", recording=False)
+    found = localize(run, panoramas, limit=3, out=tmp_path / "found")
+    assert found.manifest["strategies"] == ["nearest", "coarse"]
+    assert "the mapper's own levels are left out" in caplog.text
+
+
+def test_a_mapper_of_two_methods_maps_a_part(panoramas, tmp_path):
+    run = omnieval.replay(panoramas, mapper="tests.testing.test_mapper:Slices", out=tmp_path / "run", recording=False)
+    part = localize(run, panoramas, map_limit=40, limit=3, out=tmp_path / "found")
+    assert part.manifest["map"]["images"] == 40
+
+
 class TestRefused:
-    def test_another_descriptor(self, mapped, panoramas, tmp_path):
-        archive = tmp_path / "other.npz"
-        omnieval.describe_archive(panoramas, archive, descriptor="gist")
-        with pytest.raises(ResultError, match="only descriptors"):
+    def test_descriptors_in_a_map_of_images_and_images_in_one_of_descriptors(self, mapped, panoramas, tmp_path):
+        archive = tmp_path / "three.npz"
+        omnieval.describe_archive(panoramas, archive)
+        with pytest.raises(ResultError, match="one has images and the other only descriptors"):
             localize(mapped, f"npz:{archive}", out=tmp_path / "out")
+        run = omnieval.replay(f"npz:{archive}", config=CONFIG, out=tmp_path / "run", recording=False)
+        with pytest.raises(ResultError, match="one has images and the other only descriptors"):
+            localize(run, panoramas, out=tmp_path / "out")
+        found = localize(run, f"npz:{archive}", strategies=["nearest"], out=tmp_path / "out")
+        assert found.table["best_frame"].to_list() == list(range(80))
 
     def test_a_descriptor_that_has_changed(self, panoramas, tmp_path):
         file = tmp_path / "own.py"

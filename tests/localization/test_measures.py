@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from omnieval.localization.measures import METRICS, measure, proportion
+from omnieval.localization.measures import METRICS, measure
 from omnieval.localization.table import QUERIES
 
 ROWS = [
@@ -21,7 +21,9 @@ NAMES = ("node", "error", "reachable", "rank", "nearest_rank", "node_right", "ro
 
 def answers(rows=ROWS):
     blank = dict.fromkeys(QUERIES) | {"compared": 10, "milliseconds": 2.0}
-    return pl.DataFrame([blank | dict(zip(NAMES, row, strict=True)) for row in rows], schema=QUERIES)
+    named = [dict(zip(NAMES, row, strict=True)) for row in rows]
+    roles = ["refused" if row["node"] is None else "joined" for row in named]
+    return pl.DataFrame([blank | row | {"role": role} for row, role in zip(named, roles, strict=True)], schema=QUERIES)
 
 
 def test_every_metric_by_hand():
@@ -66,7 +68,8 @@ def test_every_metric_by_hand():
         "node_accuracy": 4,
         "room_accuracy": 3,
     }
-    assert all(one.low < one.value < one.high for one in measured.proportions.values())
+    low, high = measured.proportions["recall@1"].interval
+    assert low < 2 / 6 < high
 
 
 def test_a_hundredth_of_a_large_map_is_several_images():
@@ -89,11 +92,8 @@ def test_if_all_is_refused_nothing_is_divided_by_nothing():
     assert measured.values["node_accuracy"] is None
 
 
-def test_intervals_are_wilsons():
-    # Wilson's formula itself.
-    right, count, z = 7, 9, 1.959963984540054
-    share = right / count
-    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
-    half = z / (1 + z * z / count) * np.sqrt(share * (1 - share) / count + z * z / (4 * count**2))
-    one = proportion(right, count)
-    assert (one.low, one.high) == pytest.approx((middle - half, middle + half))
+def test_an_image_that_no_node_has_is_an_answer_all_the_same():
+    """A map may have images without a node; the nearest image may be one of them."""
+    one = answers(ROWS[:1]).with_columns(pl.lit(None, pl.Int32).alias("node"), pl.lit(None).alias("node_right"))
+    measured = measure(one, 0.5, 300).values
+    assert (measured["refused"], measured["recall@1"], measured["node_accuracy"]) == (0, 1.0, None)

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from omnieval.datasets.cards import CAMERA_FILE, parse_camera
+from omnieval.datasets.camera_file import camera_beside
 from omnieval.datasets.findings import ROOT, Finding
-from omnieval.datasets.scan import Scan, exists, in_time, pose_remarks, read_text
+from omnieval.datasets.scan import Scan, exists, in_time, pose_remarks
 from omnieval.datasets.sequence import Pose
 from omnieval.datasets.source import Address
 from omnieval.datasets.streams.store import Contents, decoded
@@ -51,14 +51,15 @@ def scan_stream(
         folder, contents = decoded(address.without(*_OF_POSES), files, _announced(address, decode))
         if locate is not None and "pose-topic" in address.options:
             contents = _located(contents, decoded(address, files, lambda _: locate(contents))[1])
-        camera_file = address.path.parent / CAMERA_FILE
-        camera = parse_camera(read_text(camera_file), camera_file.parent) if exists(camera_file) else base.camera
     except DatasetError as error:
         return replace(base, findings=(Finding("error", "unreadable-stream", ROOT, str(error)),))
+    camera, faults = camera_beside(address.path.parent, base.camera)
     frames, remarks = in_time(contents.frames)
     poses = ((frame.file, frame.pose and _with_yaw(frame.pose)) for frame in frames)
     remarks += pose_remarks(poses, largest_yaw=math.pi)
-    return replace(base, root=folder, frames=tuple(frames), camera=camera, findings=(*contents.findings, *remarks))
+    return replace(
+        base, root=folder, frames=tuple(frames), camera=camera, findings=(*contents.findings, *faults, *remarks)
+    )
 
 
 def _announced(address: Address, decode: Callable[[Path], Contents]) -> Callable[[Path], Contents]:

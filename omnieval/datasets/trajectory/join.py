@@ -13,7 +13,7 @@ from itertools import pairwise
 from statistics import median
 
 from omnieval.datasets.findings import Finding
-from omnieval.datasets.sequence import Frame, Pose
+from omnieval.datasets.sequence import Frame, Pose, wrapped
 from omnieval.datasets.trajectory.read import Fix, Track
 from omnieval.wording import counted, shown
 
@@ -148,14 +148,6 @@ class _Timeline:
         return Pose(
             one.x + share * (other.x - one.x), one.y + share * (other.y - one.y), wrapped(one.yaw + share * turn)
         )
-
-
-def wrapped(yaw: float) -> float:
-    """Return `yaw` in (-pi, pi], radians; a value that is not finite unchanged."""
-    if not math.isfinite(yaw) or -math.pi < yaw <= math.pi:
-        return yaw
-    turned = math.remainder(yaw, math.tau)
-    return math.pi if turned <= -math.pi else turned
 
 
 def _both_look(one: Pose, other: Pose) -> bool:
