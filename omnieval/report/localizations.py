@@ -60,7 +60,7 @@ def route_figure(found: Localization, posed: pl.DataFrame) -> Figure:
     longest = max(len(posed.filter(sequence=one, strategy=strategies[0])) for one in sequences)
     stride = -(-longest // _MOST)
     drawn = posed.gather_every(1) if stride == 1 else posed.filter(pl.col("query") % stride == 0)
-    data = drawn.select("sequence", "strategy", "query", "error", "reachable", "verdict")
+    data = drawn.select("sequence", "strategy", "query", "error", "reachable", "verdict", "role")
     panels = [_route_panel(data.filter(sequence=one), one, strategies) for one in sequences]
     worst = float(posed["error"].max() or 0.0)  # type: ignore[arg-type]
     return Figure(
