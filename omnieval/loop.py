@@ -10,7 +10,6 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -218,8 +217,8 @@ def run(
                 from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
 
                 sink = RecordingSink(writer.path / RECORDING, material, method, recording)
-            with MapWriter(writer.path, len(material.frames)) if save_map else nullcontext() as atlas:
-                return _run(material, config, mapper, writer, trace, atlas, sink, progress)
+            atlas = MapWriter(writer.path, len(material.frames)) if save_map else None
+            return _run(material, config, mapper, writer, trace, atlas, sink, progress)
         finally:
             if sink:
                 sink.close()

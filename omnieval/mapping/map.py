@@ -6,7 +6,7 @@ Arrays only, none of which can be changed: whoever asks something of a map leave
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -94,8 +94,13 @@ class TopologicalMap:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of all arrays (`digest_of_arrays`): equal maps have equal ones."""
-        return digest_of_arrays({name: array_digest(getattr(self, name)) for name in ARRAYS})
+        """Digest of all arrays, BLAKE2b, 16 bytes, hexadecimal: equal maps have equal ones."""
+        digest = hashlib.blake2b(digest_size=16)
+        for name in ARRAYS:
+            array = np.ascontiguousarray(getattr(self, name))
+            digest.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
+            digest.update(array.tobytes() if array.dtype.kind == "U" else array.data)  # text has no buffer
+        return digest.hexdigest()
 
     def description(self, frame: int) -> Description:
         """Return what an image looks like to the descriptor."""
@@ -127,23 +132,3 @@ def arrays_of(final: FinalMap, positions: NDArray[np.float32]) -> dict[str, NDAr
 
 ARRAYS = tuple(field.name for field in fields(TopologicalMap) if field.name != "about")
 """The arrays of a map, in their order in its digest."""
-
-
-def begun_digest(dtype: np.dtype[Any], shape: tuple[int, ...]) -> hashlib.blake2b:
-    """Return the digest of an array of which no byte was added yet."""
-    return hashlib.blake2b(f"{dtype.str} {shape}\n".encode(), digest_size=16)
-
-
-def array_digest(array: NDArray[Any]) -> str:
-    """Return the digest of an array's type, shape and bytes: BLAKE2b, 16 bytes, hexadecimal."""
-    digest = begun_digest(array.dtype, array.shape)
-    digest.update(
-        np.ascontiguousarray(array).tobytes() if array.dtype.kind == "U" else np.ascontiguousarray(array).data
-    )
-    return digest.hexdigest()
-
-
-def digest_of_arrays(digests: Mapping[str, str]) -> str:
-    """Return the digest of all arrays of a map, of those of each by its name."""
-    lines = "".join(f"{name} {digests[name]}\n" for name in ARRAYS)
-    return hashlib.blake2b(lines.encode(), digest_size=16).hexdigest()

@@ -1,6 +1,6 @@
 """A map on disk: ``map.npz`` (arrays, uncompressed, nothing that executes when loaded) and ``map.json`` beside it.
 
-Orientation descriptors are nearly all of it, 16 kB an image of 256 cells x 16 bins: they go to the file as they come.
+Orientation descriptors are nearly all of it, 16 kB an image of 256 cells x 16 bins.
 """
 
 from __future__ import annotations
@@ -8,19 +8,16 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
 from omnieval.errors import ResultError
-from omnieval.mapping.map import ARRAYS, TopologicalMap, array_digest, arrays_of, begun_digest, digest_of_arrays
+from omnieval.mapping.map import ARRAYS, TopologicalMap, arrays_of
 from omnieval.mapping.step import FinalMap
 from omnieval.results.atomic import replacing, write_json
 
@@ -33,7 +30,7 @@ UNTIMED = np.iinfo(np.int64).min
 
 
 class MapWriter:
-    """Writes a map while its sequence is mapped; if it is left before `finish`, nothing stays behind.
+    """Gathers the descriptions of a sequence while it is mapped, and writes its map at the end.
 
     Parameters
     ----------
@@ -46,33 +43,17 @@ class MapWriter:
     def __init__(self, folder: Path, images: int) -> None:
         self._folder, self._images = folder, images
         self._positions: list[NDArray[np.float32]] = []
-        self._open = ExitStack()
-
-    def __enter__(self) -> Self:
-        self._archive = zipfile.ZipFile(self._open.enter_context(replacing(self._folder / MAP_FILE)), "w")
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._archive.fp is not None:  # left before its end
-            with suppress(OSError):
-                if self._positions:
-                    self._member.close()
-                self._archive.close()
-        self._open.__exit__(kind, error, trace)
+        self._orientations = np.empty((0, 0, 0), np.float32)
 
     def add(self, description: Description) -> None:
         """Add the next image."""
-        orientation = np.ascontiguousarray(description.orientation, np.float32)
         if not self._positions:
-            self._begin(orientation.shape)
-        self._member.write(orientation.data)
-        self._digest.update(orientation.data)
+            self._orientations = np.empty((self._images, *description.orientation.shape), np.float32)
+        self._orientations[len(self._positions)] = description.orientation
         self._positions.append(np.asarray(description.position, np.float32))
 
     def finish(self, final: FinalMap, steps: pl.DataFrame, about: dict[str, Any]) -> None:
-        """Write the rest and put the files in their place.
+        """Write the map.
 
         Parameters
         ----------
@@ -88,22 +69,11 @@ class MapWriter:
         ResultError
             If it cannot be written.
         """
-        self._member.close()
-        digests = {"orientations": self._digest.hexdigest()}
-        for name, array in _arrays(final, steps, np.stack(self._positions)).items():
-            digests[name] = array_digest(array)
-            with self._archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                npy.write_array(member, array, allow_pickle=False)
-        self._archive.close()
-        self._open.close()
-        write_json({"map_version": MAP_VERSION, "digest": digest_of_arrays(digests), **about}, self._folder / MAP_ABOUT)
-
-    def _begin(self, shape: tuple[int, ...]) -> None:
-        self._member = self._archive.open("orientations.npy", "w", force_zip64=True)
-        whole, kind = (self._images, *shape), np.dtype(np.float32)
-        header = {"descr": npy.dtype_to_descr(kind), "fortran_order": False, "shape": whole}
-        npy.write_array_header_2_0(self._member, header)
-        self._digest = begun_digest(kind, whole)
+        arrays = {"orientations": self._orientations, **_arrays(final, steps, np.stack(self._positions))}
+        digest = TopologicalMap(**arrays, about=about).digest
+        with replacing(self._folder / MAP_FILE) as path, path.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+        write_json({"map_version": MAP_VERSION, "digest": digest, **about}, self._folder / MAP_ABOUT)
 
 
 def _arrays(final: FinalMap, steps: pl.DataFrame, positions: NDArray[np.float32]) -> dict[str, NDArray[Any]]:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import polars as pl
 
 from omnieval.errors import ResultError
@@ -149,6 +150,9 @@ def whole(folder):
             pl.read_parquet(path)
         elif path.suffix == ".json":
             json.loads(path.read_text("utf-8"))
+        elif path.name == "map.npz":
+            with np.load(path, allow_pickle=False) as arrays:
+                assert all(arrays[name].size for name in ("orientations", "labels"))
         elif path.name == "replay.rrd":
             assert check_recording(path) > 0
         else:

@@ -114,7 +114,7 @@ def test_a_disk_too_small_for_the_recording_alone(panoramas, short, tmp_path):
     assert short.recording.stat().st_size > largest
     code, _, err = run(
         tmp_path,
-        *("replay", panoramas, *REPLAY, "--limit", FRAMES, "--out", folder),
+        *("replay", panoramas, *REPLAY, "--limit", FRAMES, "--no-map", "--out", folder),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest)),
     )
     assert code == 0
@@ -124,4 +124,20 @@ def test_a_disk_too_small_for_the_recording_alone(panoramas, short, tmp_path):
     assert steps_recorded(folder / "replay.partial.rrd") >= 0
     assert in_process("render", folder, cwd=tmp_path).returncode == 0
     assert steps_recorded(folder / "replay.rrd") == FRAMES
-    assert sorted(path.name for path in folder.iterdir()) == sorted(path.name for path in short.folder.iterdir())
+    without_map = {path.name for path in short.folder.iterdir()} - {"map.npz", "map.json"}
+    assert {path.name for path in folder.iterdir()} == without_map
+
+
+def test_a_disk_too_small_for_the_map_keeps_the_steps_and_says_what_did_not_fit(panoramas, short, tmp_path):
+    folder, largest = tmp_path / "run", 300_000
+    assert (short.folder / "map.npz").stat().st_size > largest
+    code, out, err = run(
+        tmp_path,
+        *("replay", panoramas, *REPLAY, "--limit", FRAMES, "--no-rrd", "--out", folder),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest)),
+    )
+    assert (code, out) == (2, "")
+    assert "map.npz: File too large" in one_line(err)
+    assert open_run(folder).status == "failed"
+    prefix_of(folder, short)
+    assert len(open_run(folder).steps) == FRAMES
