@@ -77,6 +77,13 @@ def silhouettes(positions: NDArray[np.float64], labels: NDArray[np.int64]) -> Si
     )
 
 
+def image_silhouettes(positions: NDArray[np.float64], labels: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return s_j of every image (b_j: nearest other cluster), shape (n,); all positions known, two clusters or more."""
+    clusters, codes = np.unique(labels, return_inverse=True)
+    distance, _ = _sums_to_clusters(positions, codes, len(clusters))
+    return _scores(distance, codes, np.bincount(codes), _nearest)
+
+
 class IncrementalSilhouette:
     """`Silhouettes.silhouette` of a growing partition, without computing any distance twice.
 

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 
+import polars as pl
 import pytest
 
 from omnieval.results.run_folder import open_run
@@ -98,3 +99,53 @@ def test_other_results_are_left_out_and_named(two_runs, tmp_path):
     assert line == f"omnieval: only replays are compared; left out: {named}"
     fails(in_process("compare", *others, cwd=two_runs), 2, f"{others[0]} is an ablation, not a replay")
     fails(in_process("compare", "a", tmp_path / "b", cwd=two_runs), 2, f"{tmp_path / 'b'} is not a run folder")
+
+
+def methods(cwd, *arguments):
+    result = in_process("compare", *arguments, cwd=cwd)
+    assert result.returncode == 0, result.stderr
+    return result
+
+
+def test_an_ablation_and_runs_are_compared_by_method(two_runs, panoramas):
+    settings = ("--set", "roman2020.n_init=10", "--set", "roman2020.n_new=10")
+    arguments = ("--mapper", "roman2020,leader", "--vary", "gamma=1,20", *settings, "--out", "sweep")
+    assert in_process("ablate", f"folder:{panoramas}", *arguments, cwd=two_runs).returncode == 0
+    content = json.loads(methods(two_runs, "sweep", "--by", "mapper", "--metric", "pair_f1,nodes", "--json").stdout)
+    estimates = {(row["mapper"], row["metric"]): row for row in content["estimates"]}
+    roman = estimates["roman2020", "pair_f1"]
+    assert (roman["n"], roman["finished"], roman["runs"]) == (1, 2, 2)  # both gammas are runs on the same images
+    rows = pl.read_parquet(two_runs / "sweep" / "ablation.parquet").filter(mapper="roman2020")
+    assert roman["value"] == pytest.approx(rows["pair_f1"].mean())
+    (difference,) = (row for row in content["differences"] if row["metric"] == "pair_f1")
+    assert difference["value"] == pytest.approx(roman["value"] - estimates["leader", "pair_f1"]["value"])
+    (ranks,) = content["ranks"]
+    assert {row["mean_rank"] for row in ranks["groups"]} == {1.0, 2.0}
+    both = json.loads(methods(two_runs, "sweep", "a", "--by", "mapper,run", "--metric", "nodes", "--json").stdout)
+    assert [row["runs"] for row in both["estimates"]] == [2, 1, 1]
+
+
+def test_the_tables_of_methods_are_text(two_runs):
+    result = methods(two_runs, "a", "b", "--by", "gamma", "--metric", "share_assigned")
+    header, rule, one, other, *_ = result.stdout.splitlines()
+    assert header.split()[1:-1:2] == ["metric", "gamma", "estimate", "low", "high", "n", "over", "finished"]
+    assert {line.count("|") for line in (rule, one, other)} == {header.count("|")}
+    assert "an interval needs 5 cases or more" in result.stderr
+    csv_ = methods(two_runs, "a", "b", "--metric", "nodes", "--format", "csv").stdout
+    assert [row["n"] for row in csv.DictReader(io.StringIO(csv_))] == ["1"]
+    latex = methods(two_runs, "a", "b", "--metric", "nodes", "--format", "latex").stdout
+    assert latex.startswith(r"\begin{tabular}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["a", "--by", "maper"], ["maper", "did you mean mapper"]),
+        (["a", "--metric", "silhuette"], ["silhuette", "did you mean silhouette"]),
+        (["a", "a", "--metric", "nodes"], ["a is named twice"]),
+        (["a", "--metric", "nodes", "--columns", "nodes"], ["--columns", "--metric"]),
+        (["a", "--metric", "nodes,nodes"], ["nodes is named twice"]),
+    ],
+)
+def test_slips_of_comparing_methods_get_one_line(two_runs, arguments, words):
+    fails(in_process("compare", *arguments, cwd=two_runs), 2, *words)

@@ -1,0 +1,1 @@
+"""Methods held against each other over many runs: estimates, paired differences, ranks."""

@@ -1,0 +1,226 @@
+"""Runs of every kind as one list: rows of ablations, replays, and localisations of sequences in maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from omnieval.ablation.store import KIND as ABLATION
+from omnieval.ablation.store import TABLE, Store, rows_table
+from omnieval.errors import ResultError
+from omnieval.localization.measures import METRICS as FINDING
+from omnieval.localization.run import KIND as LOCALIZATION
+from omnieval.localization.run import Localization, open_localization
+from omnieval.mapping.step import Role
+from omnieval.metrics.catalogue import METRICS, UPKEEP
+from omnieval.metrics.ground import Clock
+from omnieval.metrics.resampled import resampled_metrics
+from omnieval.results.compare import determining
+from omnieval.results.manifest import kind_of, read_manifest
+from omnieval.results.run_folder import Run, open_run
+from omnieval.statistics.blocks import Blocks, Statistic, block_estimate, mean_of
+from omnieval.statistics.estimate import Estimate
+
+_RESULTS = frozenset((*METRICS, *UPKEEP, *FINDING, "batch_silhouette", "smallest_margin", "seconds"))
+_SAME = 1e-9
+"""By how much a metric that is computed again may differ."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run.
+
+    Attributes
+    ----------
+    labels
+        What was run: dataset, source, mapper, descriptor, strategy, parameters.
+    case
+        The images it was run on; runs of two methods on one case are a pair.
+    metrics
+        Its results, null where a metric has no value; empty if it did not finish.
+    finished
+        Whether it came to its end.
+    within
+        Gives the interval of a metric over the images of this run; None where it has none.
+    """
+
+    labels: Mapping[str, Any]
+    case: tuple[Any, ...]
+    metrics: Mapping[str, float | int | None]
+    finished: bool
+    within: Callable[[str], Estimate | None] = field(default=lambda metric: None, compare=False)
+
+
+def read_records(folders: Iterable[Path]) -> list[Record]:
+    """Return the runs in folders of results.
+
+    Raises
+    ------
+    ResultError
+        If a folder holds no runs, cannot be read, or is named twice.
+    """
+    found: list[Record] = []
+    seen: set[Path] = set()
+    for folder in folders:
+        if folder.resolve() in seen:
+            raise ResultError(f"{folder} is named twice; name it once")
+        seen.add(folder.resolve())
+        kind = kind_of(folder)
+        if kind == ABLATION:
+            found += ablation_records(*_ablation(folder))
+        elif kind == LOCALIZATION:
+            found += _localizations(open_localization(folder))
+        else:
+            found.append(_of_run(open_run(folder)))
+    return found
+
+
+def ablation_records(table: pl.DataFrame, varied: Iterable[str]) -> list[Record]:
+    """Return the rows of an ablation (`schemas.ablation_schema`); what is varied for all of them is part of the case.
+
+    Parameters
+    ----------
+    table
+        The rows.
+    varied
+        Names of the parameters that are varied.
+    """
+    labels = [name for name in table.columns if name not in _RESULTS and name not in ("job", "error")]
+    shared = [name for name in varied if name in table.columns and not table[name].null_count()]
+    shared = [name for name in shared if name not in ("mapper", "descriptor")]
+    return [
+        Record(
+            labels={name: row[name] for name in labels},
+            case=(row["source"], *((name, row[name]) for name in shared)),
+            metrics={} if row["error"] else {name: row[name] for name in _RESULTS if name in row},
+            finished=row["error"] is None,
+        )
+        for row in table.iter_rows(named=True)
+    ]
+
+
+def _ablation(folder: Path) -> tuple[pl.DataFrame, list[str]]:
+    manifest = read_manifest(folder, ABLATION)
+    try:
+        whole = folder / TABLE
+        table = (
+            pl.read_parquet(whole) if whole.exists() else rows_table(Store(folder).rows(), manifest["grid"]["types"])
+        )
+        varied = list(manifest["grid"]["axes"])
+    except (OSError, LookupError, pl.exceptions.PolarsError) as error:
+        raise ResultError(f"cannot read {folder}: {error}; run it again") from error
+    if "exact" in table.columns and table["exact"].null_count() < len(table):
+        raise ResultError(f"{folder} has pieces of an interval, not runs; compare an ablation without --exact")
+    if table.is_empty() or manifest.get("jobs") != len(table):  # which runs are missing is not known from the others
+        raise ResultError(f"{folder} is not complete; go on with omnieval ablate --out {folder} --resume")
+    return table, varied
+
+
+def _of_run(run: Run) -> Record:
+    manifest = run.manifest
+    own = {"run": str(run.folder), "dataset": manifest["sequence"], "source": manifest["source"]}
+    cut = manifest["cut"]
+    metrics = {**run.metrics, **{name: manifest.get("timings", {}).get(name) for name in UPKEEP}}
+    finished = run.status == "complete"
+    return Record(
+        labels={**own, **{name: value for name, value in determining(run).items() if name not in own}},
+        case=(manifest["source"], cut["start"], cut["stride"], cut["limit"]),
+        metrics=metrics if finished else {},
+        finished=finished,
+        within=_Within(partial(_statistics_of_run, run), run.metrics),
+    )
+
+
+def _localizations(found: Localization) -> Iterator[Record]:
+    manifest = found.manifest
+    of_map = manifest["map"]
+    for query in manifest["queries"]:
+        for strategy in manifest["strategies"]:
+            sequence = query["sequence"]
+            metrics = manifest["metrics"].get(sequence, {}).get(strategy)
+            yield Record(
+                labels={
+                    "run": str(found.folder),
+                    "dataset": sequence,
+                    "source": query["source"],
+                    "map": of_map["sequence"],
+                    "mapper": manifest["mapper"]["name"],
+                    "descriptor": manifest["descriptor"]["name"],
+                    "strategy": strategy,
+                },
+                case=(query["source"], *query["cut"].values(), of_map["sequence"]),
+                metrics=metrics or {},
+                finished=metrics is not None,
+                within=_Within(partial(_statistics_of_answers, found, sequence, strategy), metrics or {}),
+            )
+
+
+class _Within:
+    """The intervals of the metrics of one run, computed when they are asked for."""
+
+    def __init__(
+        self,
+        statistics: Callable[[], tuple[Blocks, Mapping[str, Statistic]]],
+        metrics: Mapping[str, float | int | None],
+    ) -> None:
+        self._load = statistics
+        self._metrics = metrics
+        self._loaded: tuple[Blocks, Mapping[str, Statistic]] | None = None
+
+    def __call__(self, metric: str) -> Estimate | None:
+        value = self._metrics.get(metric)
+        if value is None:
+            return None
+        if self._loaded is None:
+            self._loaded = self._load()
+        blocks, statistics = self._loaded
+        if metric not in statistics:
+            return None
+        found = block_estimate(blocks, statistics[metric])
+        # What is computed again must be what the run says, or the interval is of something else.
+        return found if found.value is not None and abs(found.value - value) <= _SAME else None
+
+
+def _statistics_of_run(run: Run) -> tuple[Blocks, Mapping[str, Statistic]]:
+    steps, nodes = run.steps, run.nodes
+    times = steps["time"].cast(pl.Int64).to_list()
+    clock = Clock.of(times, len(steps))
+    positions = steps.select(pl.col("x", "y").fill_null(float("nan"))).to_numpy().astype(np.float64)
+    statistics = resampled_metrics(
+        steps["node_final"].fill_null(0).cast(pl.Int64).to_numpy(),
+        steps["placement"].cast(pl.String).to_list(),
+        positions,
+        times,
+        steps["room"].to_list(),
+        nodes["representative_frame"].drop_nulls().to_list(),
+    )
+    return Blocks.of(clock.stamps, clock.second), statistics
+
+
+def _statistics_of_answers(found: Localization, sequence: str, strategy: str) -> tuple[Blocks, Mapping[str, Statistic]]:
+    answers = found.table.filter(sequence=sequence, strategy=strategy)
+    within = found.manifest["within"]
+    located = pl.col("role") != Role.REFUSED.value
+    posed = pl.col("reachable").is_not_null()
+    both_rooms = pl.col("room").is_not_null() & pl.col("best_room").is_not_null()
+    in_node = pl.col("node").is_not_null()
+    near = (pl.col("error") <= within).fill_null(value=False)
+    values = {
+        "error_mean": pl.col("error"),
+        "reachable_mean": pl.when(pl.col("error").is_not_null()).then(pl.col("reachable")),
+        "recall@1": pl.when(posed).then(located & near),
+        "recall@5": pl.when(posed).then(located & (pl.col("rank") <= 5).fill_null(value=False)),
+        "recall_nearest@1": pl.when(posed).then(located & (pl.col("nearest_rank") <= 1).fill_null(value=False)),
+        "room_accuracy": pl.when(located & both_rooms).then(pl.col("room") == pl.col("best_room")),
+        "node_accuracy": pl.when(posed & located & in_node).then(pl.col("node_right").fill_null(value=False)),
+    }
+    table = answers.select(**{name: one.cast(pl.Float64).fill_null(float("nan")) for name, one in values.items()})
+    clock = Clock.of(answers["time"].cast(pl.Int64).to_list(), len(answers))
+    statistics = {name: mean_of(table[name].to_numpy()) for name in table.columns}
+    return Blocks.of(clock.stamps, clock.second), statistics
