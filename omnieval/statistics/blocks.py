@@ -102,7 +102,8 @@ def _resampled(blocks: Blocks, statistic: Statistic, resamples: int, seed: int) 
     each = max(1, _AT_ONCE // blocks.images)
     sizes = [min(each, resamples - done) for done in range(0, resamples, each)]
     values = np.concatenate([statistic(blocks.counts(size, rng)) for size in sizes])
-    return values[~np.isnan(values)]
+    known: NDArray[np.float64] = values[~np.isnan(values)]
+    return known
 
 
 def mean_of(values: NDArray[np.float64]) -> Statistic:

@@ -59,7 +59,8 @@ def test_ranks_are_over_cases_that_all_have():
 def test_several_runs_on_one_case_are_one_value_and_none_if_one_failed():
     some = [record("ours", 0, 0.2), record("ours", 0, 0.4), record("ours", 1, 0.9), record("ours", 1, "failed")]
     (estimate,) = compare_methods(some, ["mapper"], ["pair_f1"]).estimates
-    assert (estimate.estimate.value, estimate.estimate.n) == (pytest.approx(0.3), 1)
+    assert estimate.estimate.value == pytest.approx(0.3)
+    assert estimate.estimate.n == 1
     assert (estimate.finished, estimate.runs) == (3, 4)
 
 
