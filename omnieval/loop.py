@@ -10,7 +10,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import FinalMap, Step
-from omnieval.material import ARCHIVE, Cut, Material, Source, opened, with_poses
+from omnieval.material import ARCHIVE, Cut, Material, Source, opened, opened_after, with_poses
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.metrics.ground import THETAS, Ground
 from omnieval.metrics.quality import Making
@@ -37,15 +37,22 @@ from omnieval.recording import RecordingOptions
 from omnieval.results.atomic import replacing
 from omnieval.results.map_file import MapWriter
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
-from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder
-from omnieval.results.tables import nodes_frame, quality_frame, step_row, transitions_frame, with_final_map
+from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder, open_run
+from omnieval.results.tables import (
+    nodes_frame,
+    quality_frame,
+    read_steps,
+    step_row,
+    transitions_frame,
+    with_final_map,
+)
 
 if TYPE_CHECKING:
     from omnieval.sinks import RecordingSink
 
 Progress = Callable[[int, int], None]
 RUNS = Path("runs")
-_MADE_BY = ("sequence", "source", "cut", "descriptor", "mapper", "imaging", "camera")
+_MADE_BY = ("sequence", "source", "cut", "descriptor", "mapper", "imaging", "camera", "continues")
 """What a map says of the run that made it, as ``run.json`` says it."""
 
 
@@ -67,6 +74,7 @@ def replay(
     skip_bad: bool = False,
     recording: RecordingOptions | bool | None = None,
     save_map: bool = True,
+    continuing: Run | str | Path | None = None,
     progress: Progress | None = None,
     **parameters: Any,
 ) -> Run:
@@ -98,6 +106,9 @@ def replay(
         Whether, or how, to record for the Rerun viewer.
     save_map
         Whether to keep the map with the descriptions of its images, in which others can be localised.
+    continuing
+        A run, or its folder, whose map goes on: its images are mapped again, from the map, and the sequence follows on
+        them, as if both had been one. The run brings mapper, descriptor and imaging, so that none of these is given.
     progress
         Called with (frames done, frames in all).
     **parameters
@@ -110,12 +121,22 @@ def replay(
     DatasetError
         If the sequence cannot be read, or one of its images is not fit for use: before the first step.
     ResultError
-        If the run folder cannot be written.
+        If the run folder cannot be written, or the map cannot go on with the sequence.
     """
-    resolved = as_config(config, preset=preset, mapper=mapper, descriptor=descriptor, **parameters)
+    earlier = None if continuing is None else continuing if isinstance(continuing, Run) else open_run(continuing)
+    if earlier is None:
+        resolved = as_config(config, preset=preset, mapper=mapper, descriptor=descriptor, **parameters)
+    else:
+        given = (config, preset, mapper, descriptor, parameters or None)
+        resolved = _continued_config(earlier, out, given=any(one is not None for one in given))
     options = RecordingOptions() if recording is True else recording or None
     source = with_poses(source, poses, poses_tolerance, poses_interpolate)
-    with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
+    cut = Cut(start, stride, limit)
+    with (
+        opened(source, resolved, cut, skip_bad=skip_bad)
+        if earlier is None
+        else opened_after(earlier, source, cut, skip_bad=skip_bad)
+    ) as material:
         name = run_name(material.name, material.descriptor, resolved.mapper)
         folder = Path(out) if out is not None else free_folder(RUNS, name)
         return run(
@@ -127,6 +148,27 @@ def replay(
             save_map=save_map,
             progress=progress,
         )
+
+
+def _continued_config(earlier: Run, out: str | Path | None, *, given: bool) -> Config:
+    """Return what goes on mapping as a run did.
+
+    Raises
+    ------
+    ConfigError
+        If something else was given, or its folder is to be written.
+    ResultError
+        If its mapper cannot be made again as it was.
+    """
+    if given:
+        raise ConfigError(
+            f"the map of {earlier.folder} goes on with its own mapper, descriptor and imaging; leave parameters out, "
+            "or map both sequences anew"
+        )
+    if out is not None and Path(out).expanduser().resolve() == earlier.folder.resolve():
+        raise ConfigError(f"{earlier.folder} is the run whose map goes on; choose another --out")
+    config = earlier.config
+    return replace(config, mapper=config.mapper.again())
 
 
 def run_name(sequence: str, descriptor: Component, mapper: Component) -> str:
@@ -288,7 +330,11 @@ def _run(
     started = time.perf_counter()
     partition = Partition()
     writer.when_abandoned = lambda: trace.told(material.frames, len(writer.steps()))
+    earlier = material.earlier
+    before = iter(()) if earlier is None else read_steps(earlier.run.steps, ())
     for frame, described, step, milliseconds in _steps(mapper, material):
+        if earlier and (recorded := next(before, None)):
+            hold_decision(step, recorded[0], str(earlier.run.folder))
         partition.apply(step)
         trace.add(described, step, milliseconds)
         writer.step(step_row(step, frame, partition, milliseconds))
@@ -301,9 +347,9 @@ def _run(
     final = mapper.finish()
     steps = with_final_map(writer.steps(), final)
     positions = np.stack(trace.positions)
-    before = time.perf_counter()
+    judging = time.perf_counter()
     evaluation = _judged(final, steps, positions, material, trace, config.seed)
-    trace.judging = time.perf_counter() - before
+    trace.judging = time.perf_counter() - judging
     seconds = time.perf_counter() - started
     tables = {
         "steps": steps,
@@ -313,7 +359,7 @@ def _run(
     }
     outcome = _outcome(material, config.mapper, trace, evaluation, seconds)
     if atlas:
-        made_by = {name: writer.content[name] for name in _MADE_BY}
+        made_by = {name: writer.content[name] for name in _MADE_BY if name in writer.content}
         atlas.finish(final, steps, {**made_by, "run": outcome["identity"]})
     run = writer.finish(tables, outcome)
     if sink is None:
@@ -322,6 +368,30 @@ def _run(
     sink.finish(final, evaluation)
     sink.close()
     return writer.annotate({"recording_failure": sink.failure})
+
+
+def hold_decision(step: Step, recorded: Step, where: str) -> None:
+    """Refuse a decision that is made again if it comes out otherwise.
+
+    Parameters
+    ----------
+    step
+        What was decided now.
+    recorded
+        What the table of a run says of it.
+    where
+        What to call the run.
+
+    Raises
+    ------
+    ResultError
+        If verdict, node or match are others.
+    """
+    if (step.verdict, step.node, step.match) != (recorded.verdict, recorded.node, recorded.match):
+        raise ResultError(
+            f"step {step.frame} of {where} comes out otherwise now: {recorded.verdict} became {step.verdict}; "
+            "the machine or a library may have changed it, so replay the sequence again"
+        )
 
 
 def _judged(

@@ -1,7 +1,7 @@
 """One way to open what is replayed: a source of any kind, or what a run replayed, exactly as it was.
 
 A sequence of images and an archive of descriptors become the same `Material`. What a run replayed is opened by what its
-``run.json`` says (cut, images left out, camera, descriptor), and held against its fingerprint.
+``run.json`` says (cut, images left out, camera, descriptor, the map it went on from), and held against its fingerprint.
 """
 
 from __future__ import annotations
@@ -34,13 +34,15 @@ from omnieval.descriptors.archive import Archive, load_archive
 from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import DescribedFrame, Describer
 from omnieval.descriptors.description import Description
-from omnieval.errors import ConfigError, DatasetError, ResultError
+from omnieval.errors import ConfigError, DatasetError, OmnievalError, ResultError
 from omnieval.imaging.camera import CameraModel, camera_in_words, camera_of, resolve_camera
 from omnieval.imaging.glance import image_size
-from omnieval.imaging.pictures import Pictures
+from omnieval.imaging.pictures import JoinedPictures, Pictures, SequencePictures
 from omnieval.imaging.soundness import BadImage, examined, without_bad
+from omnieval.mapping.map import TopologicalMap
+from omnieval.results.map_file import UNTIMED
 from omnieval.results.provenance import dataset_fingerprint
-from omnieval.results.run_folder import Run
+from omnieval.results.run_folder import Run, open_run
 
 ARCHIVE_SCHEME = "npz:"
 """How the source of an archive begins."""
@@ -65,6 +67,26 @@ class Cut:
     def whole(self) -> bool:
         """Whether it leaves out nothing."""
         return self == Cut()
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What was mapped before: the run, and its map, whose images come first."""
+
+    run: Run
+    map: TopologicalMap
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What ``run.json`` says of it."""
+        manifest = self.run.manifest
+        return {
+            "run": str(self.run.folder.resolve()),
+            "sequence": manifest["sequence"],
+            "source": manifest["source"],
+            "images": len(self.map),
+            "digest": self.map.digest,
+        }
 
 
 @dataclass(frozen=True)
@@ -103,6 +125,9 @@ class Material:
         Where the recording takes its pictures from; None if there are none.
     cache
         Where descriptions are looked up; None if they are at hand.
+    earlier
+        The run whose map goes on: its images are the first of the frames, and source, cut, camera, findings and images
+        left out are those of what follows. None if the map is a new one.
     """
 
     name: str
@@ -121,6 +146,7 @@ class Material:
     skipped: tuple[BadImage, ...] | None = None
     pictures: Pictures | None = None
     cache: DescriptorCache | None = None
+    earlier: Earlier | None = None
 
     @property
     def determining(self) -> dict[str, Any]:
@@ -141,6 +167,7 @@ class Material:
             "orientation_cells": self.cells,
             "findings": [dataclasses.asdict(finding) for finding in self.findings],
             **({} if self.skipped is None else {"skipped": [dataclasses.asdict(bad) for bad in self.skipped]}),
+            **({} if self.earlier is None else {"continues": self.earlier.about}),
         }
 
 
@@ -179,6 +206,38 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
             if finding.severity == "warning":
                 _LOG.warning("%s", finding)
         yield material
+
+
+@contextmanager
+def opened_after(run: Run, source: Source, cut: Cut | None = None, *, skip_bad: bool = False) -> Iterator[Material]:
+    """Give the material of a source as what follows on the images in the map of a run, described as these are.
+
+    Parameters
+    ----------
+    run
+        A complete run that kept its map.
+    source, cut, skip_bad
+        See `opened`.
+
+    Raises
+    ------
+    ConfigError, DatasetError
+        See `opened`.
+    ResultError
+        If there is no map, its descriptor cannot be made again as it was, or the source cannot be described like it.
+    """
+    map_ = run.map
+    config = described_again(run.config)
+    refused = f"{named(source)} cannot go on from the map of {run.folder}"
+    if fault := other_kind(source, config.descriptor):
+        raise ResultError(f"{refused}: {fault}")
+    with opened(source, config, cut, skip_bad=skip_bad) as material:
+        described = iter(material.described)
+        first = next(described)
+        if fault := other_images(material, first, map_):
+            raise ResultError(f"{refused}: {fault}")
+        following = dataclasses.replace(material, described=chain([first], described))
+        yield _following(Earlier(run, map_), following)
 
 
 @contextmanager
@@ -225,11 +284,38 @@ def reopened_as(
     describe
         See `reopened`.
     """
+    earlier = _earlier(manifest, where)
+    with _of_its_own(manifest, describe=describe) as material:
+        whole = material if earlier is None else _following(earlier, material)
+        yield _as_it_was(manifest, files, where, whole)
+
+
+def _earlier(manifest: Mapping[str, Any], where: str) -> Earlier | None:
+    """Return what a run went on from, None if it did not.
+
+    Raises
+    ------
+    ResultError
+        If it is not there any more, or has another map now.
+    """
+    told = manifest.get("continues")
+    if told is None:
+        return None
+    run = open_run(told["run"])
+    earlier = Earlier(run, run.map)
+    if earlier.map.digest != told["digest"]:
+        raise ResultError(f"{run.folder} has another map now than {where} went on from; replay it again")
+    return earlier
+
+
+@contextmanager
+def _of_its_own(manifest: Mapping[str, Any], *, describe: bool) -> Iterator[Material]:
+    """Give what a ``run.json`` names as its source, without what came before that."""
     config = Config.of_run(manifest)
     cut = Cut(**manifest["cut"])
     source: str = manifest["source"]
     if (file := archive_file(source)) is not None:
-        yield _as_it_was(manifest, files, where, _of_archive(file, cut))
+        yield _of_archive(file, cut)
         return
     if describe:
         config = described_again(config)
@@ -241,7 +327,7 @@ def reopened_as(
     with DescriptorCache() as cache:
         camera = camera_of(manifest["camera"], image_size(sequence, cache))
         cells = None if describe else manifest["orientation_cells"]
-        yield _as_it_was(manifest, files, where, _of_images(sequence, config, cache, skipped, camera, cells))
+        yield _of_images(sequence, config, cache, skipped, camera, cells)
 
 
 def archive_file(source: Source) -> Path | None:
@@ -295,6 +381,67 @@ def refuse_descriptor(source: Source, config: Config) -> None:
     """
     if not config.descriptor.is_default and config.descriptor != ARCHIVE:
         raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
+
+
+def named(source: Source) -> str:
+    """Return what to call a source."""
+    return source.source if isinstance(source, Sequence) else str(source)
+
+
+def other_kind(source: Source, descriptor: Component) -> str | None:
+    """Say why a source cannot be described as the images of a map were; None if it may.
+
+    Parameters
+    ----------
+    source
+        A source.
+    descriptor
+        That of the map.
+    """
+    if (archive_file(source) is not None) == (descriptor == ARCHIVE):
+        return None
+    if descriptor == ARCHIVE:
+        return "the map is of descriptors that were made elsewhere; describe the images like these and give npz:FILE"
+    return f"the map is of images described by {descriptor.name}; give the images, not descriptors of them"
+
+
+def other_images(material: Material, first: DescribedFrame, map_: TopologicalMap) -> str | None:
+    """Say why images cannot be compared with those of a map; None if they can.
+
+    Parameters
+    ----------
+    material
+        The images.
+    first
+        The first of them.
+    map_
+        The map.
+    """
+    if fault := other_camera(material.camera, map_.about["camera"]):
+        return fault
+    shapes = [getattr(first.description, part).shape for part in ("position", "orientation")]
+    expected = [map_.positions.shape[1:], map_.orientations.shape[1:]]
+    if shapes == expected:
+        return None
+    return (
+        f"its descriptors have shapes {shapes[0]} and {shapes[1]}, those of the map {expected[0]} and {expected[1]}; "
+        "describe both in the same way"
+    )
+
+
+def other_camera(camera: Mapping[str, Any] | None, of_map: Mapping[str, Any] | None) -> str | None:
+    """Say why panoramas of two cameras cannot be compared; None if they can.
+
+    Where the mirror lies is the image's own affair: every sequence has it where its camera was.
+    """
+    if camera is None or of_map is None:
+        return None if camera is of_map else "one has images and the other only descriptors; use the same kind"
+    differing = [
+        f"{name} {camera.get(name)}, not {of_map.get(name)}"
+        for name in sorted({*camera, *of_map} - {"origin", "mirror"})
+        if camera.get(name) != of_map.get(name)
+    ]
+    return f"its camera has {', '.join(differing)}; set imaging as the map has it" if differing else None
 
 
 def described_again(config: Config) -> Config:
@@ -368,9 +515,66 @@ def _of_images(
         card=sequence.card,
         findings=by_kind([*sequence.findings, *camera.findings]),
         skipped=skipped,
-        pictures=Pictures(sequence.frames, camera),
+        pictures=SequencePictures(sequence.frames, camera),
         cache=cache,
     )
+
+
+def _following(earlier: Earlier, material: Material) -> Material:
+    """Return material as what follows on the images of a map: one sequence, of both."""
+    map_ = earlier.map
+    frames = (*_frames_of(map_), *material.frames)
+    positions, unposed = None, material.unposed
+    if not map_.is_posed:
+        unposed = "the images of the map that goes on have no poses"
+    elif material.positions is not None:
+        positions, unposed = np.vstack([map_.xy, material.positions]), why_unposed(frames)
+    pictures = material.pictures
+    if pictures is not None:
+        pictures = JoinedPictures(lambda: _pictures_of(earlier.run), len(map_), pictures)
+    return dataclasses.replace(
+        material,
+        name=f"{earlier.run.manifest['sequence']}+{material.name}",
+        frames=frames,
+        positions=positions,
+        unposed=unposed,
+        described=chain(_described_in(map_), material.described),
+        pictures=pictures,
+        earlier=earlier,
+    )
+
+
+def _frames_of(map_: TopologicalMap) -> Iterator[Frame]:
+    """Yield the images of a map, of which only names, times, places and rooms are known."""
+    columns = (map_.files.tolist(), map_.times.tolist(), map_.xy.tolist(), map_.yaws.tolist(), map_.rooms.tolist())
+    for file, time_ns, (x, y), yaw, room in zip(*columns, strict=True):
+        pose = Pose(x, y, yaw) if math.isfinite(x) and math.isfinite(y) else None
+        yield Frame(Path(), file, None if time_ns == UNTIMED else time_ns, pose, room or None)
+
+
+def _described_in(map_: TopologicalMap) -> Iterator[DescribedFrame]:
+    for description in map_.descriptions():
+        yield DescribedFrame(description, _digest(description))
+
+
+def _pictures_of(run: Run) -> Pictures:
+    """Return the pictures of what a run replayed, which are held against it.
+
+    Raises
+    ------
+    DatasetError
+        If they are not there any more, or have changed since.
+    """
+    try:
+        with reopened(run, describe=False) as material:
+            for _ in material.described:
+                pass
+            pictures = material.pictures
+    except OmnievalError as error:
+        raise DatasetError(f"the images of {run.folder}, whose map goes on, cannot be shown: {error}") from error
+    if pictures is None:
+        raise DatasetError(f"{run.folder}, whose map goes on, was replayed from descriptors; it has no images to show")
+    return pictures
 
 
 def _undescribed(frames: Iterable[Frame]) -> Iterator[DescribedFrame]:

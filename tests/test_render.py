@@ -11,7 +11,7 @@ import pytest
 from omnieval.descriptors.archive import load_archive, save_archive
 from omnieval.descriptors.description import Description
 from omnieval.errors import DatasetError, ResultError
-from omnieval.imaging.pictures import Pictures
+from omnieval.imaging.pictures import SequencePictures
 from omnieval.loop import describe_archive, replay
 from omnieval.mapping.leader import Leader
 from omnieval.recording import RecordingOptions
@@ -142,14 +142,14 @@ def test_a_full_disk_costs_nothing(run, monkeypatch, at):
 
 
 def test_a_picture_that_cannot_be_had_is_an_error_and_not_half_a_recording(run, monkeypatch):
-    panorama = Pictures.panorama
+    panorama = SequencePictures.panorama
 
     def gone(self, frame):
         if frame == 30:
             raise DatasetError("cannot read image 30")
         return panorama(self, frame)
 
-    monkeypatch.setattr(Pictures, "panorama", gone)
+    monkeypatch.setattr(SequencePictures, "panorama", gone)
     stays(run, DatasetError, "cannot read image 30")
     assert render(run, RecordingOptions(images=False)) == run.recording
 

@@ -135,6 +135,14 @@ NoMap = Annotated[
     bool,
     typer.Option("--no-map", help="Do not keep the map for localisation (map.npz, about 17 kB an image)."),
 ]
+ContinuedMap = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        help="Go on with the map of a run, with its mapper, descriptor and imaging, as if both sequences were one.",
+        metavar="RUN",
+    ),
+]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave images out of the recording.")]
 Every = Annotated[
     int, typer.Option("--every", min=1, help="Record images and curves at every N-th step only.", metavar="N")

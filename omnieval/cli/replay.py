@@ -42,6 +42,7 @@ def replay(
     connect: Annotated[
         str | None, typer.Option(help="Show the replay live in a running Rerun viewer.", metavar="URL")
     ] = None,
+    map_: options.ContinuedMap = None,
     no_map: options.NoMap = False,
     json: options.Json = False,
 ) -> None:
@@ -61,6 +62,8 @@ def replay(
 
       omnieval replay folder:/data/panoramas --limit 500 --no-rrd --json
 
+      omnieval replay synthetic:night --map runs/house
+
       omnieval replay video:/data/tour.mp4 --decode-every 5
 
       omnieval replay bag:/data/tour.bag --topic /image --pose-topic /odom
@@ -68,7 +71,9 @@ def replay(
     from omnieval.cli.console import progress
     from omnieval.loop import replay as run_replay
 
-    resolved = options.configuration(set_, config, preset, mapper, descriptor, camera=camera)
+    resolved = None
+    if map_ is None or any((set_, config, preset, mapper, descriptor, camera)):
+        resolved = options.configuration(set_, config, preset, mapper, descriptor, camera=camera)
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
     with progress("replaying") as report:
         run = run_replay(
@@ -87,6 +92,7 @@ def replay(
             skip_bad=skip_bad,
             recording=recording,
             save_map=not no_map,
+            continuing=map_,
             progress=report,
         )
     print_run(run, json=json)

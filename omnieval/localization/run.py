@@ -10,7 +10,7 @@ import dataclasses
 import logging
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,7 +33,7 @@ from omnieval.localization.truth import truth_of
 from omnieval.loop import RUNS
 from omnieval.mapping.map import TopologicalMap
 from omnieval.mapping.memory import AHEAD, blocks
-from omnieval.material import ARCHIVE, Cut, Source, archive_file, opened
+from omnieval.material import ARCHIVE, Cut, Source, named, opened, other_images, other_kind
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder
@@ -239,23 +239,13 @@ def _described(
     """
     queries: list[_Query] = []
     for source in sources:
-        if (archive_file(source) is None) != (map_.about["camera"] is not None):
-            raise ResultError(
-                f"{source} cannot be found in the map of {map_.about['sequence']}: one has images and the other only "
-                "descriptors; use the same kind"
-            )
+        refused = f"{named(source)} cannot be found in the map of {map_.about['sequence']}"
+        if fault := other_kind(source, config.descriptor):
+            raise ResultError(f"{refused}: {fault}")
         with opened(source, config, cut, skip_bad=skip_bad) as material:
-            refused = f"{material.source} cannot be found in the map of {map_.about['sequence']}"
-            if fault := _other_camera(material.camera, map_.about["camera"]):
-                raise ResultError(f"{refused}: {fault}")
             described = list(material.described)
-            shapes = [getattr(described[0].description, part).shape for part in ("position", "orientation")]
-            expected = [map_.positions.shape[1:], map_.orientations.shape[1:]]
-            if shapes != expected:
-                raise ResultError(
-                    f"{refused}: its descriptors have shapes {shapes[0]} and {shapes[1]}, those of the map "
-                    f"{expected[0]} and {expected[1]}; describe both in the same way"
-                )
+            if fault := other_images(material, described[0], map_):
+                raise ResultError(f"{refused}: {fault}")
             name = _free_name(material.name, [query.name for query in queries])
             fingerprint = dataset_fingerprint(material.frames, [one.digest for one in described])
             about = {**material.about, "sequence": name, "dataset_fingerprint": fingerprint}
@@ -299,21 +289,6 @@ def _config(map_: TopologicalMap, mapper: Component) -> Config:
     if descriptor != ARCHIVE:
         descriptor = descriptor.again()
     return Config(mapper, descriptor, ImagingConfig.model_validate(map_.about["imaging"]))
-
-
-def _other_camera(camera: Mapping[str, Any] | None, of_map: Mapping[str, Any] | None) -> str | None:
-    """Say why panoramas of two cameras cannot be compared; None if they can.
-
-    Where the mirror lies is the image's own affair: every sequence has it where its camera was.
-    """
-    if camera is None or of_map is None:
-        return None
-    differing = [
-        f"{name} {camera.get(name)}, not {of_map.get(name)}"
-        for name in sorted({*camera, *of_map} - {"origin", "mirror"})
-        if camera.get(name) != of_map.get(name)
-    ]
-    return f"its camera has {', '.join(differing)}; set imaging as the map has it" if differing else None
 
 
 def _answers(finder: Strategy, query: _Query, within: float) -> Iterator[dict[str, Any]]:

@@ -67,8 +67,18 @@ class Job:
 
     @staticmethod
     def of_run(run: Run) -> Job:
-        """Return what a run replayed."""
+        """Return what a run replayed.
+
+        Raises
+        ------
+        ConfigError
+            If it went on from the map of another, which no case can tell.
+        """
         manifest = run.manifest
+        if "continues" in manifest:
+            raise ConfigError(
+                f"{run.folder} goes on from the map of another run, which no case can tell; check that one"
+            )
         return Job.of(manifest["source"], Selection(run.config, Cut(**manifest["cut"])), left_out(run))
 
     @staticmethod

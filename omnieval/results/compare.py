@@ -234,6 +234,7 @@ def determining(run: Run) -> dict[str, Any]:
         "mapper": config.mapper.name,
         "descriptor": config.descriptor.name,
         "frames": manifest["frames"],
+        **({"continues": told["digest"]} if (told := manifest.get("continues")) else {}),
         **{f"cut.{name}": value for name, value in manifest["cut"].items()},
         "skipped": len(manifest.get("skipped") or ()),
         **config.settings,

@@ -26,6 +26,8 @@ def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (name, value) pairs that say what a complete run came to."""
     metrics, timings = manifest["metrics"], manifest["timings"]
     yield "source", shown(manifest["source"])
+    if earlier := manifest.get("continues"):
+        yield "goes on from", f"{shown(earlier['source'])}, the first {earlier['images']} frames ({earlier['run']})"
     yield "frames", f"{manifest['frames']} in {timings['seconds']:.1f} s ({timings['frames_per_second']:.0f} frames/s)"
     if camera := manifest["camera"]:
         yield "camera", camera_in_words(camera)

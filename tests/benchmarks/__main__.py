@@ -12,10 +12,15 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from tests.benchmarks import describing, growth, mapping, replaying
+from tests.benchmarks import describing, finding, growth, mapping, replaying
 from tests.benchmarks.figures import Figure, machine
 
-PARTS = {"describing": describing.measure, "mapping": mapping.measure, "replaying": replaying.measure}
+PARTS = {
+    "describing": describing.measure,
+    "mapping": mapping.measure,
+    "finding": finding.measure,
+    "replaying": replaying.measure,
+}
 
 
 def main() -> None:

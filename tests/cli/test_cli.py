@@ -250,6 +250,17 @@ def test_runs_are_compared_and_their_first_difference_shown(replayed, panoramas,
     assert len(json.loads(in_process("compare", one, "b", "--json", cwd=tmp_path).stdout)["runs"]) == 2
 
 
+def test_a_map_goes_on_with_another_sequence(replayed, panoramas):
+    cwd, result = replayed
+    run = result.stdout.splitlines()[0]
+    on = ("replay", panoramas, "--limit", "4", "--no-rrd", "--out", "on", "--map", run)
+    done = in_process(*on, cwd=cwd)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.search(rf"goes on from +\S+, the first 80 frames \(.*{run}\)\n", done.stdout)
+    assert len(open_run(cwd / "on").steps) == 84
+    fails(in_process(*on, *SMALL, cwd=cwd), 2, "goes on with its own mapper, descriptor and imaging")
+
+
 def test_without_a_usable_cache_the_replay_goes_on_and_says_so(panoramas, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("OMNIEVAL_CACHE", str(tmp_path / "file"))

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from omnieval.datasets.sequence import Camera, Frame, Mirror, Sequence
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.camera import camera_in_words, camera_of, resolve_camera
-from omnieval.imaging.pictures import Pictures
+from omnieval.imaging.pictures import SequencePictures
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.imaging.survey import survey_camera
 from tests.imaging.donuts import donuts, panoramas
@@ -213,7 +213,7 @@ def test_pictures_are_the_image_and_its_panorama(tmp_path):
     image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
     sequence = a_sequence(tmp_path, [image, image[::-1]], Camera("omnidirectional", CARD))
     camera = resolve_camera(sequence, ImagingConfig())
-    pictures = Pictures(sequence.frames, camera)
+    pictures = SequencePictures(sequence.frames, camera)
     taken = pictures.omnidirectional(1)
     assert taken is not None
     assert np.array_equal(taken, image[::-1])
@@ -223,4 +223,4 @@ def test_pictures_are_the_image_and_its_panorama(tmp_path):
 
 def test_panoramic_input_has_no_omnidirectional_picture(tmp_path):
     sequence = a_sequence(tmp_path, [np.zeros((64, 256, 3), np.uint8)], Camera("panoramic"))
-    assert Pictures(sequence.frames, resolve_camera(sequence, ImagingConfig())).omnidirectional(0) is None
+    assert SequencePictures(sequence.frames, resolve_camera(sequence, ImagingConfig())).omnidirectional(0) is None

@@ -199,10 +199,10 @@ class TestRefused:
     def test_descriptors_in_a_map_of_images_and_images_in_one_of_descriptors(self, mapped, panoramas, tmp_path):
         archive = tmp_path / "three.npz"
         omnieval.describe_archive(panoramas, archive)
-        with pytest.raises(ResultError, match="one has images and the other only descriptors"):
+        with pytest.raises(ResultError, match="map is of images described by hog; give the images"):
             localize(mapped, f"npz:{archive}", out=tmp_path / "out")
         run = omnieval.replay(f"npz:{archive}", config=CONFIG, out=tmp_path / "run", recording=False)
-        with pytest.raises(ResultError, match="one has images and the other only descriptors"):
+        with pytest.raises(ResultError, match=r"of descriptors that were made elsewhere; .* give npz:FILE"):
             localize(run, panoramas, out=tmp_path / "out")
         found = localize(run, f"npz:{archive}", strategies=["nearest"], out=tmp_path / "out")
         assert found.table["best_frame"].to_list() == list(range(80))
@@ -217,11 +217,11 @@ class TestRefused:
             localize(run, panoramas, out=tmp_path / "out")
 
     def test_other_panoramas(self, mapped, darker, tmp_path):
-        from omnieval.localization.run import _other_camera
+        from omnieval.material import other_camera
 
         of_map = mapped.map.about["camera"]
-        assert _other_camera({**of_map, "origin": "elsewhere"}, of_map) is None
-        fault = _other_camera({**of_map, "rows": 64}, of_map)
+        assert other_camera({**of_map, "origin": "elsewhere"}, of_map) is None
+        fault = other_camera({**of_map, "rows": 64}, of_map)
         assert fault is not None
         assert "rows 64, not 128" in fault
 
