@@ -155,7 +155,7 @@ def check(source: str | Path, *, progress: Progress | None = None) -> CheckRepor
     length = path_length(found.frames)
     findings = [
         *found.findings,
-        *image_findings({found.place_of(path): report for path, report in reports.items()}),
+        *image_findings(reports, found.root),
         *card_findings(found),
         *size_findings(size, found.expected_size),
     ]

@@ -41,6 +41,7 @@ from omnieval.datasets.scan import (
     pose_remarks,
     read_text,
     unread_remarks,
+    visible_names,
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose, wrapped
 from omnieval.datasets.trajectory.load import posed_by_what_is_beside
@@ -80,7 +81,9 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
     camera, camera_faults = camera_beside(
         root, Camera("omnidirectional" if known.mirror else layout.kind, known.mirror)
     )
-    matched = [name for name in _matches(root, layout.images) if root / name != camera.mask]
+    matched = _matches(root, layout.images)
+    if camera.mask is not None:
+        matched = [name for name in matched if root / name != camera.mask]
     names = sorted(filter(has_image_suffix, matched), key=natural_key)
     if layout.ground_truth == BY_HEADING:
         timed = _timed([Frame(root / name, name) for name in names])
@@ -121,6 +124,8 @@ def _card(root: Path, packaged: Card, own_cards: tuple[str, ...]) -> Card:
 
 def _matches(root: Path, pattern: str) -> list[str]:
     """Return what `pattern` matches, relative to `root`; nothing that is hidden."""
+    if pattern == "*":
+        return visible_names(root)
     try:
         relative = [path.relative_to(root) for path in root.glob(pattern)]
     except OSError:  # a name no file can have, for example one that is too long
@@ -145,7 +150,7 @@ def _twin_remarks(names: list[str]) -> list[Finding]:
 
 
 def _spread_remarks(names: list[str]) -> list[Finding]:
-    folders = sorted({str(Path(name).parent) for name in names})
+    folders = sorted({name.rpartition("/")[0] or "." for name in names})
     if len(folders) < 2:
         return []
     message = f"images lie in {len(folders)} folders ({', '.join(map(shown, folders[:3]))}); name one in layout.images"
@@ -255,7 +260,12 @@ def _frame(root: Path, name: str, capture: Capture | None) -> Frame:
 
 def _timed(frames: list[Frame]) -> list[Frame]:
     """Return frames with the times in their names, if each name holds one and no table told any."""
-    times = [time_in_name(frame.path.stem) for frame in frames]
-    if None in times or any(frame.time_ns is not None for frame in frames):
+    if any(frame.time_ns is not None for frame in frames):
         return frames
-    return [replace(frame, time_ns=time) for frame, time in zip(frames, times, strict=True)]
+    timed = []
+    for frame in frames:
+        time = time_in_name(frame.path.stem)
+        if time is None:
+            return frames
+        timed.append(replace(frame, time_ns=time))
+    return timed

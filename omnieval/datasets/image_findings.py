@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.image_header import TURNS
 from omnieval.datasets.images import ImageReport, used_bits, usual_size, wrong_size
+from omnieval.datasets.scan import place_of
 
 
-def image_findings(reports: Mapping[str, ImageReport]) -> list[Finding]:
-    """Return what is wrong with images or odd about them, by the places they were found at, in their order."""
+def image_findings(reports: Mapping[Path, ImageReport], root: Path) -> list[Finding]:
+    """Return what is wrong with the images of a sequence in the folder `root` or odd about them, in their order."""
     usual = _Usual.of(reports.values())
     return [
-        Finding("error" if code in faults else "warning", code, where, message)
-        for where, report in reports.items()
+        Finding("error" if code in faults else "warning", code, place_of(path, root), message)
+        for path, report in reports.items()
         for faults in [{report.code, "wrong-size"}]
         for code, message in _told(report, usual)
     ]

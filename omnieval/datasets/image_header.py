@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from cv2.typing import MatLike
 
-from omnieval.datasets import jpeg
+from omnieval.datasets import jpeg, png
 from omnieval.wording import counted
 
-PNG_START = b"\x89PNG\r\n\x1a\n"
 BMP_START = b"BM"
 _BMP_HEADER = 40
 """Bytes of the header from which on sizes take four bytes each."""
@@ -63,7 +62,7 @@ def read_header(data: bytes) -> Header:
     if data.startswith(jpeg.START):
         width, height, colour = jpeg.about(data)
         return Header(f"JPEG, {_JPEG_COLOURS.get(colour, colour)}", 8, orientation_of(data), _size(width, height))
-    if data.startswith(PNG_START) and len(data) > 25:
+    if data.startswith(png.START) and len(data) > 25:
         bits, colour = data[24], _PNG_COLOURS.get(data[25], "")
         deep = f", {counted(bits, 'bit')}" if bits != 8 and data[25] != 3 else ""
         width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
@@ -86,9 +85,8 @@ def orientation_of(data: bytes) -> int:
     if data.startswith(jpeg.START):
         at = data.find(_EXIF_MARK, 0, data.find(jpeg.START_OF_SCAN))
         tiff = data[at + len(_EXIF_MARK) :][:_HEADER_BYTES] if at >= 0 else b""
-    elif data.startswith(PNG_START):
-        at = data.find(b"eXIf")
-        tiff = data[at + 4 :][:_HEADER_BYTES] if at >= 0 else b""
+    elif data.startswith(png.START):
+        tiff = png.exif(data)
     elif data[8:12] == b"WEBP":
         at = data.rfind(b"EXIF")
         tiff = data[at + 8 :].removeprefix(_EXIF_MARK) if at >= 0 else b""

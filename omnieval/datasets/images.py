@@ -7,7 +7,6 @@ of a JPEG its bytes and its decoder tell something (`datasets.jpeg`), of a BMP n
 from __future__ import annotations
 
 import stat
-import zlib
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,28 +17,23 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from omnieval.datasets import jpeg
+from omnieval.datasets import jpeg, png
 from omnieval.datasets.image_header import (
     BMP_START,
-    PNG_START,
     TIFF_STARTS,
     UNKNOWN,
     Header,
-    orientation_of,
     read_header,
     turned,
 )
 from omnieval.errors import DatasetError
 
-_PNG_END = b"IEND\xaeB`\x82"
 _HEADER_BYTES = 700
 """Of an image without pixels, tables included."""
 _PLAIN_BYTES = 0.04
 """Bytes a pixel of a coded image; one of fewer may show nothing."""
 _FLAT_LEVELS = 2.0
 """Standard deviation of the grey levels of an image that shows nothing but the noise of its camera."""
-_PNG_ANCILLARY = 0x20
-"""Bit of the first letter of a PNG chunk that can be done without; decoders pass over a damaged one."""
 
 
 class BadImageError(DatasetError):
@@ -124,21 +118,7 @@ def decoded(data: bytes, *, colour: bool = False, bits: int | None = None) -> ND
         If it is empty, truncated, damaged or not an image.
     """
     data = _whole(data)
-    image: MatLike | None = None
-    try:
-        if data.startswith(jpeg.START):
-            image = jpeg.pixels(data, colour=colour)
-        if image is None:
-            image = _opencv(data, colour=colour, bits=bits)
-    except ValueError as error:
-        raise _damaged("a part of it was overwritten") from error
-    except cv2.error:  # what one release of OpenCV answers with None, another raises
-        image = None
-    if image is None:
-        raise BadImageError("not-an-image", "is not an image; copy it again or remove it")
-    if not data.startswith(TIFF_STARTS):  # which OpenCV turns itself, whatever it is told
-        image = turned(image, orientation_of(data))
-    return image.astype(np.uint8, copy=False)
+    return _pixels(data, read_header(data), colour=colour, bits=bits)
 
 
 def used_bits(highest: int) -> int:
@@ -152,11 +132,30 @@ def used_bits(highest: int) -> int:
     return next(bits for bits in (8, 10, 12, 14, 16) if highest < 1 << bits)
 
 
-def _opencv(data: bytes, *, colour: bool, bits: int | None) -> MatLike | None:
+def _pixels(data: bytes, header: Header, *, colour: bool = False, bits: int | None = None) -> NDArray[np.uint8]:
+    """Return the pixels of a whole file; see `decoded`."""
+    image: MatLike | None = None
+    try:
+        if data.startswith(jpeg.START):
+            image = jpeg.pixels(data, colour=colour)
+        if image is None:
+            image = _opencv(data, header.bits, colour=colour, bits=bits)
+    except ValueError as error:
+        raise _damaged("a part of it was overwritten") from error
+    except cv2.error:  # what one release of OpenCV answers with None, another raises
+        image = None
+    if image is None:
+        raise BadImageError("not-an-image", "is not an image; copy it again or remove it")
+    if not data.startswith(TIFF_STARTS):  # which OpenCV turns itself, whatever it is told
+        image = turned(image, header.orientation)
+    return image.astype(np.uint8, copy=False)
+
+
+def _opencv(data: bytes, stored_bits: int, *, colour: bool, bits: int | None) -> MatLike | None:
     """Decode what is no usual JPEG; of 16 bits a channel the most significant ones of those that are used."""
     flags = (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_IGNORE_ORIENTATION
     array = np.frombuffer(data, np.uint8)
-    if read_header(data).bits <= 8:
+    if stored_bits <= 8:
         return cv2.imdecode(array, flags)
     deep = cv2.imdecode(array, flags | cv2.IMREAD_ANYDEPTH)
     if deep is None or deep.dtype != np.uint16:
@@ -172,8 +171,8 @@ def is_truncated(data: bytes) -> bool:
     """Tell whether the JPEG, PNG or BMP in `data` lacks its end; False for other formats."""
     if data.startswith(jpeg.START):
         return jpeg.is_cut_short(data)
-    if data.startswith(PNG_START):
-        return _PNG_END not in data
+    if data.startswith(png.START):
+        return png.is_cut_short(data)
     if data.startswith(BMP_START):
         return len(data) < int.from_bytes(data[2:6], "little")
     return False
@@ -194,7 +193,7 @@ def _report(path: Path, *, decoding: bool) -> ImageReport:
         highest = _highest(data) if header.bits > 8 else None
         size, is_flat = header.size, False
         if decoding or size is None or highest is not None or _may_be_flat(header, size, len(data)):
-            grey = decoded(data)
+            grey = _pixels(data, header)
             is_flat = bool(cv2.meanStdDev(grey)[1].item() < _FLAT_LEVELS)
             size = grey.shape[1], grey.shape[0]
         elif header.orientation >= 5:
@@ -239,26 +238,10 @@ def _whole(data: bytes) -> bytes:
         if mended is None:
             raise BadImageError("truncated-image", f"ends early, after {len(data)} bytes; copy it again")
         return mended
-    if _has_wrong_checksum(data):
+    if data.startswith(png.START) and png.has_wrong_checksum(data):
         raise _damaged("a checksum is wrong")
     return data
 
 
 def _damaged(why: str) -> BadImageError:
     return BadImageError("damaged-image", f"is damaged: {why}; copy it again")
-
-
-def _has_wrong_checksum(data: bytes) -> bool:
-    """Tell whether a chunk that the pixels need has a wrong checksum, if `data` is a PNG."""
-    if not data.startswith(PNG_START):
-        return False
-    view, position = memoryview(data), len(PNG_START)
-    while position + 12 <= len(data):
-        end = position + 8 + int.from_bytes(data[position : position + 4], "big")
-        needed = not data[position + 4] & _PNG_ANCILLARY
-        if needed and zlib.crc32(view[position + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
-            return True
-        if data.startswith(b"IEND", position + 4):
-            return False
-        position = end + 4
-    return True

@@ -14,11 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.imaging.circles import Circle, through
+from omnieval.imaging.circles import Circle, through, through_triples
 
 FEWEST_FRAMES = 4
 """Fewer do not tell what moves."""
 _RAYS = 720
+_TRIPLES = 300
+"""Circles that are tried for the rim."""
 _INLIER_PX = 2.0
 _FEWEST_INLIERS = 0.25
 """Share of the rays that must agree on a rim for it to be believed."""
@@ -80,14 +82,27 @@ def activity(images: Sequence[NDArray[np.uint8]]) -> Activity:
     smooth: NDArray[np.float32] = np.empty((len(images), *images[0].shape), np.float32)
     for frame, image in zip(smooth, images, strict=True):
         cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.0, dst=frame)
-    smooth /= _exposure(smooth)[:, np.newaxis, np.newaxis]
-    variance = smooth.var(axis=0)
+    exposure = _exposure(smooth)
+    if (exposure != 1.0).any():
+        smooth /= exposure[:, np.newaxis, np.newaxis]
+    variance = _variance(smooth)
     # What does not move still has the sensor's noise, and there is always some of it: the blind spot at the least.
     # The variance of n normal values has the relative standard deviation sqrt(2 / (n - 1)); noise spans six of them.
     floor = float(np.percentile(variance, 2))
     spread = 6.0 * floor * np.sqrt(2.0 / max(len(images) - 1, 1))
     levels = np.sqrt(np.maximum(variance - floor, 0.0)).astype(np.float32)
     return Activity(levels, float(np.sqrt(spread)), float(np.percentile(levels, 90)))
+
+
+def _variance(frames: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the variance over the first axis, frame by frame, which the memory of a processor holds."""
+    mean: NDArray[np.float32] = frames.mean(axis=0)
+    total = np.zeros_like(mean)
+    for frame in frames:
+        off = frame - mean
+        off *= off
+        total += off
+    return total / np.float32(len(frames))
 
 
 def active_rim(moving: Activity, generator: np.random.Generator) -> ActiveRim | None:
@@ -185,16 +200,14 @@ def _fit_circle(points: NDArray[np.float64], generator: np.random.Generator) -> 
     """Fit a circle that most points agree on (random samples of three, then least squares on those that agree)."""
     if len(points) < _FEWEST_INLIERS * _RAYS:
         return None
-    best, best_score = np.zeros(len(points), np.bool_), 0
-    for _ in range(300):
-        circle = through(points[generator.choice(len(points), 3, replace=False)])
-        beyond = np.hypot(points[:, 0] - circle.cx, points[:, 1] - circle.cy) - circle.radius
-        agree = np.abs(beyond) < _INLIER_PX
-        # A plain wall at the rim hides it, so points inside the circle say little; nothing moves outside of it.
-        score = int(agree.sum()) - int((beyond >= _INLIER_PX).sum())
-        if score > best_score:
-            best, best_score = agree, score
-    if best.sum() < _FEWEST_INLIERS * _RAYS:
+    triples = np.array([generator.choice(len(points), 3, replace=False) for _ in range(_TRIPLES)])
+    center, radius = through_triples(*(points[corner].T for corner in triples.T))
+    reach = np.hypot(points[:, :1] - center[0], points[:, 1:] - center[1])
+    beyond = np.where(np.isfinite(radius), reach - radius, np.inf)
+    # A plain wall at the rim hides it, so points inside the circle say little; nothing moves outside of it.
+    scores = (np.abs(beyond) < _INLIER_PX).sum(axis=0) - (beyond >= _INLIER_PX).sum(axis=0)
+    best = np.abs(beyond[:, scores.argmax()]) < _INLIER_PX
+    if scores.max() <= 0 or best.sum() < _FEWEST_INLIERS * _RAYS:
         return None
     circle = through(points[best])
     residual = np.hypot(points[best, 0] - circle.cx, points[best, 1] - circle.cy) - circle.radius

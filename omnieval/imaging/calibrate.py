@@ -258,7 +258,7 @@ class _Evidence:
         halves: list[Circle] = []
         for first in (0, 1):
             if rim.by_edge:
-                edges = self._lasting.points(slice(first, None, 2))
+                edges = self._lasting.points(first, 2)
                 half = refined(rim.circle, edges)
                 if support(half, edges, self._size).seen >= 0.5 * rim.seen:
                     halves.append(half)
@@ -283,10 +283,10 @@ class _Evidence:
     def _ring(self, rim: Circle, contrast: float) -> Circle | None:
         """Return the outermost circle about the middle within which nothing moves."""
         edges = self._lasting.points(contrast=contrast)
-        beside = edges.places - (rim.cx, rim.cy)
-        reach = np.hypot(beside[:, 0], beside[:, 1])
+        dx, dy = edges.places[:, 0] - rim.cx, edges.places[:, 1] - rim.cy
+        reach = np.hypot(dx, dy)
         # An edge that runs along a ray, as those of posts do, is none of a circle about the middle.
-        across = np.abs((beside * edges.normals).sum(axis=1)) > 0.7 * reach
+        across = np.abs(dx * edges.normals[:, 0] + dy * edges.normals[:, 1]) > 0.7 * reach
         about = Circle(rim.cx, rim.cy, _BLIND_ASIDE * rim.radius)
         generator = named_generator(0, "blind-spot")
         shown: list[Support] = []

@@ -20,6 +20,8 @@ _ARC_PX = 2.5
 _TRIPLES = 100_000
 _SCATTERED_PX = 0.65
 """Edges about a circle that is none lie anywhere within `_NEAR_PX`, 0.87 px from it on root mean square."""
+_LEAST_AREA = 1.0
+"""Twice the area of a parallelogram of points that are not on one line, square pixels."""
 _MOST_SCORED = 500
 _RATED_BY = 2500
 _MOST_REFINED = 40
@@ -145,11 +147,29 @@ def through(points: NDArray[np.float64]) -> Circle:
     return Circle(float(a), float(b), float(np.sqrt(max(c + a * a + b * b, 0.0))))
 
 
+def through_triples(
+    first: NDArray[np.float64], second: NDArray[np.float64], third: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return centres, shape (2, n), and radii, shape (n,), of circles through three points each, shape (2, n).
+
+    Both are NaN where the three lie on a line, or nearly so.
+    """
+    # The centre is as far from the first point as from the second and the third: two linear equations.
+    (x1, y1), (x2, y2) = second - first, third - first
+    twice_area = 2.0 * (x1 * y2 - y1 * x2)
+    twice_area[np.abs(twice_area) <= _LEAST_AREA] = np.nan
+    length1, length2 = x1 * x1 + y1 * y1, x2 * x2 + y2 * y2
+    x, y = (y2 * length1 - y1 * length2) / twice_area, (x1 * length2 - x2 * length1) / twice_area
+    return first + np.stack([x, y]), np.hypot(x, y)
+
+
 def _on(circle: Circle, edges: EdgePoints, near: float) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Return which edge points lie along a circle, and how far beyond it all are."""
-    beside = edges.places - (circle.cx, circle.cy)
-    reach = np.hypot(beside[:, 0], beside[:, 1])
-    aligned = np.abs((beside * edges.normals).sum(axis=1)) > _ALIGNED * reach
+    x, y = edges.places.T
+    u, v = edges.normals.T
+    dx, dy = x - circle.cx, y - circle.cy
+    reach = np.sqrt(dx * dx + dy * dy)
+    aligned = np.abs(dx * u + dy * v) > _ALIGNED * reach
     distance = reach - circle.radius
     return aligned & (np.abs(distance) < near), distance
 
@@ -168,27 +188,16 @@ def _candidates(
     """Return circles through three points each that cross all three at right angles, those that agree with most."""
     width, height = size
     chosen = generator.integers(0, len(edges), (_TRIPLES, 3))
-    first, second, third = (edges.places[chosen[:, place]] for place in range(3))
-    # The centre is as far from the first point as from the second and the third: two linear equations.
-    one, two = second - first, third - first
-    twice_area = 2.0 * (one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
-    sound = np.abs(twice_area) > 1.0
-    chosen, first, one, two, twice_area = chosen[sound], first[sound], one[sound], two[sound], twice_area[sound]
-    lengths = np.square(one).sum(axis=1), np.square(two).sum(axis=1)
-    beside = np.column_stack(
-        [
-            (two[:, 1] * lengths[0] - one[:, 1] * lengths[1]) / twice_area,
-            (one[:, 0] * lengths[1] - two[:, 0] * lengths[0]) / twice_area,
-        ]
-    )
-    center, radius = first + beside, np.hypot(beside[:, 0], beside[:, 1])
+    center, radius = through_triples(*(edges.places.T[:, chosen[:, place]] for place in range(3)))
     fit = (radius > radii[0]) & (radius < radii[1])
     if about is None:
-        fit &= (center >= 0).all(axis=1) & (center[:, 0] < width) & (center[:, 1] < height)
+        fit &= (center[0] >= 0) & (center[0] < width) & (center[1] >= 0) & (center[1] < height)
     else:
-        fit &= np.hypot(center[:, 0] - about.cx, center[:, 1] - about.cy) < about.radius
-    for place in range(3):
-        away = edges.places[chosen[:, place]] - center
-        fit &= np.abs((away * edges.normals[chosen[:, place]]).sum(axis=1)) > _SURELY_ALIGNED * radius
-    kept = np.flatnonzero(fit)[:_MOST_SCORED]
-    return [Circle(float(center[at, 0]), float(center[at, 1]), float(radius[at])) for at in kept]
+        fit &= np.hypot(center[0] - about.cx, center[1] - about.cy) < about.radius
+    chosen, center, radius = chosen[fit], center[:, fit], radius[fit]
+    sure = np.ones(len(radius), np.bool_)
+    for corner in chosen.T:
+        away = edges.places.T[:, corner] - center
+        sure &= np.abs((away * edges.normals.T[:, corner]).sum(axis=0)) > _SURELY_ALIGNED * radius
+    kept = np.flatnonzero(sure)[:_MOST_SCORED]
+    return [Circle(float(center[0, at]), float(center[1, at]), float(radius[at])) for at in kept]

@@ -13,7 +13,6 @@ from omnieval.datasets.card_findings import size_findings
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.image_findings import bits_of, image_findings
 from omnieval.datasets.images import ImageReport, examine_image, inspect_image, usual_size, wrong_size
-from omnieval.datasets.scan import place_of
 from omnieval.datasets.sequence import Sequence
 from omnieval.errors import DatasetError
 from omnieval.imaging.glance import Notebook, files_key
@@ -51,7 +50,7 @@ def examined(sequence: Sequence, notebook: Notebook | None = None) -> Sequence:
     known = notebook.recall(key) if key is not None and notebook is not None else None
     if known is None:
         reports = {frame.path: examine_image(frame.path) for frame in sequence.frames}
-        findings = image_findings({place_of(path, sequence.root): report for path, report in reports.items()})
+        findings = image_findings(reports, sequence.root)
         findings += size_findings(usual_size(reports.values()), sequence.expected_size)
         if bad := _bad_images(reports):
             _refuse(bad, sequence)

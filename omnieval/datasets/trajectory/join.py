@@ -260,10 +260,11 @@ class _NameIndex:
     """Images by the ways to name them; a path is the surest, then the end of one, whatever its ending or case."""
 
     def __init__(self, files: Sequence[str]) -> None:
-        self._exact: Mapping[str, str] = {_plain(file): file for file in files}
+        plain = {file: _plain(file) for file in files}
+        self._exact: Mapping[str, str] = {name: file for file, name in plain.items()}
         stems: defaultdict[str, list[str]] = defaultdict(list)
-        for file in files:
-            stems[_stem(file)].append(file)
+        for file, name in plain.items():
+            stems[_stem(name)].append(file)
         self._stems = stems
 
     def meant(self, name: str) -> list[str]:
@@ -285,9 +286,9 @@ def _plain(name: str) -> str:
     return unicodedata.normalize("NFC", name.replace("\\", "/")).removeprefix("./")
 
 
-def _stem(name: str) -> str:
+def _stem(plain: str) -> str:
     """Return the last part of a path without its ending, in lower case."""
-    return _ENDING.sub("", _plain(name).rpartition("/")[2].casefold())
+    return _ENDING.sub("", plain.rpartition("/")[2].casefold())
 
 
 def _parts_alike(one: str, other: str) -> int:
