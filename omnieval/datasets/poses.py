@@ -23,7 +23,6 @@ from typing import cast
 
 from omnieval.datasets.cards import COLUMNS, Column, GroundTruth
 from omnieval.datasets.findings import Finding
-from omnieval.datasets.matlab import read_columns
 from omnieval.datasets.sequence import Pose
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, shown
@@ -146,6 +145,8 @@ def _delimited(lines: list[str], delimiter: str) -> Iterator[tuple[int, list[str
 
 
 def _matlab_cells(data: bytes, truth: GroundTruth) -> Iterator[tuple[int, list[str]]]:
+    from omnieval.datasets.matlab import read_columns  # what it needs takes longer to load than a usual table to read
+
     columns = truth.columns or ()
     if "file" in columns:
         raise DatasetError("a MATLAB array holds no file names; give one row an image, and columns without file")

@@ -241,18 +241,19 @@ def _by_name(files: Sequence[str], track: Track) -> tuple[dict[str, Fix], list[F
     for fix in track.fixes:
         if fix.name is None:
             continue
-        where = f"{track.file}:{fix.line}"
         images = index.meant(fix.name)
+        if len(images) == 1 and images[0] not in fixes:
+            fixes[images[0]] = fix
+            continue
+        where = f"{track.file}:{fix.line}"
         if not images:
             message = f"named in {where} but not there"
             strangers.append(Finding("warning", "missing-image", shown(fix.name), message))
         elif len(images) > 1:
             message = f"{shown(fix.name)} may be {shown(images[0])} or {shown(images[1])}; give the path"
             findings.append(Finding("error", "ambiguous-image", where, message))
-        elif images[0] in fixes:
-            findings.append(Finding("error", "bad-pose-row", where, f"{shown(images[0])} has two rows; keep one"))
         else:
-            fixes[images[0]] = fix
+            findings.append(Finding("error", "bad-pose-row", where, f"{shown(images[0])} has two rows; keep one"))
     return fixes, [*findings, *(strangers if fixes else [])]
 
 

@@ -378,9 +378,10 @@ class _Reader:
 
     def _scale(self, times: Sequence[Decimal], title: str) -> int | None:
         """Return how many nanoseconds the unit of times is of which only the size tells it; None if it does not."""
-        size = median(map(abs, times)) if times else Decimal(0)
+        ordered = sorted(map(float, times))  # near enough to tell how large they are
+        size = median(map(abs, ordered)) if ordered else 0.0
         unit = next((unit for unit, least in _SINCE_THE_EPOCH if size >= least), "s")
-        intervals = [float(later - earlier) for earlier, later in pairwise(sorted(times)) if later > earlier]
+        intervals = [later - earlier for earlier, later in pairwise(ordered) if later > earlier]
         if unit == "s" and intervals and median(intervals) > _LONG_INTERVAL_S:
             message = (
                 f"{title} grows by {median(intervals):g} a row, too much for seconds; name its unit, such as time_ns"
@@ -394,7 +395,7 @@ class _Reader:
     def _pose(self, index: int, pose: Pose, given: Sequence[float]) -> Pose | None:
         """Return the pose of a row; one that is nowhere is left as it was given, and said."""
         line, fields = self._rows[index]
-        if self._form != "KITTI":
+        if self._form != "KITTI" and not (math.isfinite(given[0]) and math.isfinite(given[1])):
             blank = [axis for axis in ("x", "y") if not fields[self._columns[axis].index]]
             if len(blank) == 1:
                 self._complain(line, f"{blank[0]} is blank; give all of the pose, or none of it")
@@ -409,7 +410,7 @@ class _Reader:
         return pose
 
 
-_SINCE_THE_EPOCH = (("ns", Decimal(10) ** 17), ("us", Decimal(10) ** 14), ("ms", Decimal(10) ** 11))
+_SINCE_THE_EPOCH = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
 """From which size on times since the epoch are of a unit."""
 
 
@@ -447,7 +448,7 @@ def _along(places: NDArray[np.float64], yaws: NDArray[np.float64]) -> tuple[floa
     moves = np.diff(places, axis=0)
     lengths = np.hypot(*moves.T)
     usable = np.isfinite(lengths) & np.isfinite(yaws[1:])
-    long_enough = usable & (lengths > 0.5 * np.median(lengths[usable])) if usable.any() else usable
+    long_enough = usable & (lengths > 0.5 * median(lengths[usable].tolist())) if usable.any() else usable
     ways, looks = np.arctan2(moves[long_enough, 1], moves[long_enough, 0]), yaws[1:][long_enough]
     if len(ways) < _FEW_MOVES:
         return 0.0, 0.0

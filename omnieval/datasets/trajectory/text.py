@@ -16,6 +16,7 @@ from omnieval.wording import shown
 
 _DELIMITERS = (",", ";", "\t", None)
 """None: any white space."""
+_COMMENTS = ("#", "%")
 _SAMPLE = 60
 """Rows that are looked at to find the delimiter."""
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
@@ -66,7 +67,9 @@ def read_text_table(data: bytes) -> TextTable:
         If it is no text, or is empty.
     """
     lines = [(number, line) for number, line in enumerate(_lines(data), start=1) if line.strip()]
-    plain = [one for one in lines if not _is_comment(one[1])]
+    comments = [one for one in lines if one[1].lstrip().startswith(_COMMENTS)]
+    aside = {number for number, _ in comments}
+    plain = [one for one in lines if one[0] not in aside]
     if not plain:
         raise DatasetError("it has no rows; is it the right file?")
     delimiter = _delimiter([line for _, line in plain[:_SAMPLE]])
@@ -74,9 +77,8 @@ def read_text_table(data: bytes) -> TextTable:
     heading = rows.pop(0) if _names_columns(rows[0][1]) else _heading_in_comments(lines, delimiter, rows)
     if heading is not None:
         # A name of an image may begin like a comment.
-        named = [one for one in lines if one[0] > heading[0] and _is_comment(one[1])]
-        rows += [row for row in _split(named, delimiter) if _is_row(row, heading)]
-        rows.sort()
+        named = [one for one in comments if one[0] > heading[0]]
+        rows = sorted([*rows, *(row for row in _split(named, delimiter) if _is_row(row, heading))])
     commas = delimiter != "," and _has_decimal_commas(rows)
     if commas:
         rows = [(number, tuple(map(_pointed, fields))) for number, fields in rows]
@@ -92,10 +94,6 @@ def _lines(data: bytes) -> list[str]:
     if "\0" in text:
         raise DatasetError("not a text; save the table as CSV")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith(("#", "%"))
 
 
 def _delimiter(lines: Sequence[str]) -> str | None:
@@ -132,7 +130,7 @@ def _split(lines: Sequence[tuple[int, str]], delimiter: str | None) -> Iterator[
     reader = csv.reader((f"{line}\n" for _, line in lines), delimiter=delimiter, strict=True)
     try:
         for fields in reader:
-            yield numbers[reader.line_num - 1], tuple(field.strip() for field in fields)
+            yield numbers[reader.line_num - 1], tuple(map(str.strip, fields))
     except csv.Error as error:
         at = numbers[max(0, reader.line_num - 1)]
         raise DatasetError(f"line {at} is not delimited text ({shown(str(error))}); mend it") from error
