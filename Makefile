@@ -45,10 +45,10 @@ gate:  ## the synthetic building is mapped as well as the reference says
 	$(BIN)/omnieval check --reference runs/reference/synthetic.toml
 
 docs:  ## the documentation site, into site/; a warning is an error
-	$(BIN)/python -m mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 serve:  ## the site at http://127.0.0.1:8000, made again when a page changes
-	$(BIN)/python -m mkdocs serve
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs serve
 
 oldest:  ## the quick tests with the oldest versions of all dependencies, in .venv-oldest (Python 3.11)
 	$(PYTHON) -m venv .venv-oldest

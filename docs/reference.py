@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -187,7 +188,11 @@ def _cell(value: object) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text.replace("|", "\\|").replace("<", "&lt;") if "`" not in text else text.replace("|", "\\|")
+    """Return a cell of a table: places such as ``runs/<map>`` as code, other signs as themselves."""
+    text = text.replace("|", "\\|")
+    if "`" not in text:
+        text = re.sub(r"[^\s<]*<\w+>(?:[^\s.;,]*)", lambda found: f"`{found[0]}`", text)
+    return re.sub(r"`[^`]*`|<", lambda found: "&lt;" if found[0] == "<" else found[0], text)
 
 
 if __name__ == "__main__":

@@ -49,6 +49,8 @@ def made_of(text):
 def check_command(line):
     """Check that a command, its tests and its extras exist."""
     words = shlex.split(re.sub(r"\$\{?\w+\}?", "x", line), comments=True)
+    while "=" in words[0]:  # of the environment
+        words = words[1:]
     program = words[0].removeprefix(".venv/bin/").removeprefix(".venv-oldest/bin/")
     if program in {"python", "python3"} and words[1:2] == ["-m"]:
         program, words = words[2], words[2:]

@@ -32,6 +32,7 @@ STANDS_FOR = {
     "--decode-every 5": "--decode-every 2",
     "innova:/data/innova": "innova:{site}/innova",
     "docs/examples/": "{root}/docs/examples/",
+    "docs/templates/": "{root}/docs/templates/",
     "mine.py:Mine": "{root}/docs/examples/bands.py:Bands",
     # A grid as large as the paper's is no better a test than a small one.
     "figures-9-10": "figures-9-10 --vary omega=1.7,2.3 --vary merge_y=0.75,2.25",

@@ -34,10 +34,13 @@ def test_every_link_within_the_project_leads_somewhere(page):
             assert anchor in anchors(target), link
 
 
-def test_every_page_is_in_the_index():
-    index = (ROOT / "docs" / "README.md").read_text("utf-8")
-    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"README.md"}
+def test_every_page_is_in_the_index_and_on_the_site():
+    docs = ROOT / "docs"
+    index, site = (docs / "README.md").read_text("utf-8"), (ROOT / "mkdocs.yml").read_text("utf-8")
+    pages = {page.relative_to(docs).as_posix() for page in docs.rglob("*.md")} - {"README.md"}
     assert {page for page in pages if f"]({page})" not in index} == set()
+    assert {page for page in pages if f"- {page}\n" not in site} == {"gallery.md"}  # which has a title of its own
+    assert "Gallery: gallery.md" in site
 
 
 def test_pictures_are_small_and_all_are_shown():

@@ -1,5 +1,6 @@
 """What the documentation lists is what there is: columns, keys, parameters, metrics, commands."""
 
+import doctest
 import json
 import re
 import runpy
@@ -108,6 +109,27 @@ def test_the_readme_has_the_defaults():
 def test_generated_pages_are_current(page):
     made = runpy.run_path(str(DOCS / "reference.py"))[page]()
     assert (DOCS / f"{page}.md").read_text("utf-8") == made, "run: python docs/reference.py"
+
+
+def test_the_site_shows_every_public_name_once():
+    shown = re.findall(r"^::: omnieval\.(\w+)$", (DOCS / "api.md").read_text("utf-8"), re.MULTILINE)
+    assert sorted(shown) == sorted(omnieval.__all__)
+
+
+def test_links_of_pages_lead_to_where_they_are_on_the_site():
+    hook = ROOT / "docs" / "site.py"
+    inside = runpy.run_path(str(hook))
+    tests = doctest.DocTestFinder().find(inside["relinked"], "relinked", globs=inside)
+    results = [doctest.DocTestRunner().run(test) for test in tests]
+    assert [(one.failed, one.attempted) for one in results] == [(0, 2)]
+    relinked = inside["relinked"]
+    assert (
+        relinked("[a](../../CONTRIBUTING.md), [b](../data.md#x)", "tutorial/x.md")
+        == "[a](../contributing.md), [b](../data.md#x)"
+    )
+    code = "```toml\n[table](README.md)\n```\n[far](https://example.org)"
+    assert relinked(code, "contributing.md") == code
+    assert all((ROOT / place).exists() for place in inside["ELSEWHERE"])
 
 
 def test_the_explained_decision_of_the_readme_is_that_of_the_pictures():
