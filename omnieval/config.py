@@ -21,6 +21,7 @@ from pydantic.fields import FieldInfo
 
 from omnieval.components import BUILT_IN, Component, Kind, find_class, known, name_of, resolve_component, settings_model
 from omnieval.datasets.cards import parse_camera
+from omnieval.datasets.scan import read_text
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.wording import did_you_mean
@@ -279,15 +280,30 @@ def read_camera(path: Path) -> list[Setting]:
     ConfigError
         If it cannot be read, or describes no camera.
     """
+    return [Setting(f"{_IMAGING}.{name}", value, str(path)) for name, value in _camera_values(path).items()]
+
+
+def with_camera(imaging: ImagingConfig, path: Path) -> ImagingConfig:
+    """Return how images become panoramas of the same size, of a camera that a file like ``camera.toml`` tells of.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or describes no camera.
+    """
+    return ImagingConfig.model_validate({"rows": imaging.rows, "columns": imaging.columns, **_camera_values(path)})
+
+
+def _camera_values(path: Path) -> dict[str, Any]:
+    file = path.expanduser()
     try:
-        camera = parse_camera(path.expanduser().read_text("utf-8"), path.expanduser().absolute().parent)
-    except (OSError, ValueError, DatasetError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"cannot read the camera {path}: {reason}; check --camera") from error
+        camera = parse_camera(read_text(file), file.absolute().parent)
+    except DatasetError as error:
+        raise ConfigError(f"cannot read the camera {path}: {error}; check --camera") from error
     mask = None if camera.mask is None else str(camera.mask)
     values = {"kind": camera.kind, "belt": camera.belt, "mask": mask}
     values |= {} if camera.mirror is None else asdict(camera.mirror)
-    return [Setting(f"{_IMAGING}.{name}", value, str(path)) for name, value in values.items() if value is not None]
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

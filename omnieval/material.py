@@ -342,13 +342,17 @@ def archive_file(source: Source) -> Path | None:
         return None
     text = str(source)
     place, poses = apart(text, OF_POSES)
-    if poses and (place.startswith(ARCHIVE_SCHEME) or place.endswith(".npz")):
+    if poses and (place.startswith(ARCHIVE_SCHEME) or _is_called_archive(place)):
         raise ConfigError(
             f"{place} has poses of its own, xy and yaw; leave --poses out, or describe the images with it"
         )
     if text.startswith(ARCHIVE_SCHEME):
         return Path(text.removeprefix(ARCHIVE_SCHEME)).expanduser()
-    return Path(text).expanduser() if text.endswith(".npz") else None
+    return Path(text).expanduser() if _is_called_archive(text) else None
+
+
+def _is_called_archive(name: str) -> bool:
+    return name.casefold().endswith(".npz")
 
 
 def with_poses(

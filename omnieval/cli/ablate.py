@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from omnieval.ablation.grid import Axis, Span
     from omnieval.ablation.plan import Plan
     from omnieval.ablation.run import Ablation
+    from omnieval.config import Setting
     from omnieval.material import Cut
 
 SOME_FAILED = 5
@@ -52,6 +53,7 @@ def ablate(
     ] = None,
     set_: options.Set = None,
     config: options.ConfigFile = None,
+    camera: options.CameraFile = None,
     preset: Annotated[
         list[str] | None,
         typer.Option(
@@ -118,16 +120,10 @@ def ablate(
     check_options(span, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
     chosen = {"mapper": mapper, "descriptor": descriptor}
     cut = options.cut(start, stride, limit)
-    given = [
-        options.posed(
-            options.streamed(source, topic, pose_topic, pose_frame, decode_every),
-            poses,
-            poses_tolerance,
-            poses_interpolate,
-        )
-        for source in sources or ["synthetic"]
-    ]
-    plan = _plan(given, vary, axes, span, chosen, set_, config, preset, cut, skip_bad)
+    about = poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
+    given = [options.source_with(source, *about) for source in sources or ["synthetic"]]
+    settings = options.settings(set_, config, camera)
+    plan = _plan(given, vary, axes, span, chosen, settings, preset, cut, skip_bad)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)
         return
@@ -155,8 +151,7 @@ def _plan(
     files: Sequence[Path] | None,
     exact: Span | None,
     chosen: dict[str, str | None],
-    set_: Sequence[str] | None,
-    configs: Sequence[Path] | None,
+    settings: Sequence[Setting],
     presets: Sequence[str] | None,
     cut: Cut,
     skip_bad: bool,
@@ -164,7 +159,6 @@ def _plan(
     """Return the plan the options ask for."""
     from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, preset_axes, read_axes
     from omnieval.ablation.plan import make_plan
-    from omnieval.config import parse_assignment, read_settings
 
     axes = [make_axis(kind, names, f"--{kind} {names}") for kind, names in chosen.items() if names is not None]
     axes += [axis for file in files or () for axis in read_axes(file)]
@@ -172,8 +166,6 @@ def _plan(
     experiment, named = _presets(presets or (), axes)
     if experiment is not None:
         axes = preset_axes(axes, EXPERIMENTS[experiment], experiment)
-    settings = [setting for file in configs or () for setting in read_settings(file)]
-    settings += [parse_assignment(text) for text in set_ or ()]
     return make_plan(
         sources or (),
         axes,

@@ -80,14 +80,12 @@ def baseline(
     resolved = options.configuration(set_, config, descriptor=descriptor, camera=camera)
     ks = None if k is None else parse_ks(k)
     check_options(method=method, similarity=similarity, ks=ks, at_k_of=at_k_of)
+    taken = options.source_with(
+        source, poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
+    )
     with progress(method) as report:
         run = run_baseline(
-            options.posed(
-                options.streamed(source, topic, pose_topic, pose_frame, decode_every),
-                poses,
-                poses_tolerance,
-                poses_interpolate,
-            ),
+            taken,
             method=method,
             similarity=similarity,
             ks=ks,

@@ -28,12 +28,17 @@ def check(
     ] = False,
     set_: options.Set = None,
     config: options.ConfigFile = None,
+    camera: options.CameraFile = None,
     preset: options.Preset = None,
     mapper: options.MapperName = None,
     descriptor: options.DescriptorName = None,
     poses: options.Poses = None,
     poses_tolerance: options.PosesTolerance = None,
     poses_interpolate: options.PosesInterpolate = None,
+    topic: options.Topic = None,
+    pose_topic: options.PoseTopic = None,
+    pose_frame: options.PoseFrame = None,
+    decode_every: options.DecodeEvery = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -58,10 +63,11 @@ def check(
 
       omnieval check --reference mine.toml --junit check.xml
     """
-    selection = _selection(set_, config, preset, mapper, descriptor, start, stride, limit, skip_bad=skip_bad)
-    if (poses, poses_tolerance, poses_interpolate) != (None, None, None):
-        _check_posed(targets or [])
-    targets = [options.posed(target, poses, poses_tolerance, poses_interpolate) for target in targets or ()]
+    selection = _selection(set_, config, camera, preset, mapper, descriptor, start, stride, limit, skip_bad=skip_bad)
+    about = poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
+    if any(value is not None for value in about):
+        _check_are_sources(targets or [])
+    targets = [options.source_with(target, *about) for target in targets or ()]
     if junit:
         _check_junit(junit, update=update)
     if update:
@@ -94,13 +100,13 @@ def _check(reference: Path, targets: list[str], selection: Selection | None, jun
         raise error
 
 
-def _check_posed(targets: list[str]) -> None:
-    """Refuse poses for what has its own: cases say where theirs are, and runs have been judged."""
+def _check_are_sources(targets: list[str]) -> None:
+    """Refuse options about sources where there is none: cases say what theirs are, and runs have been judged."""
     from omnieval.errors import ConfigError
     from omnieval.results.manifest import MANIFEST
 
     if not targets or any((Path(target) / MANIFEST).is_file() for target in targets):
-        raise ConfigError("--poses is for a SOURCE that is replayed; name one")
+        raise ConfigError("options of poses, videos and bags are for a SOURCE that is replayed; name one")
 
 
 def _check_junit(junit: Path, *, update: bool) -> None:
@@ -134,6 +140,7 @@ def _update(reference: Path, targets: list[str], selection: Selection | None, *,
 def _selection(
     settings: list[str] | None,
     files: list[Path] | None,
+    camera: Path | None,
     preset: str | None,
     mapper: str | None,
     descriptor: str | None,
@@ -146,7 +153,8 @@ def _selection(
     """Return what the options select; None when none is given."""
     from omnieval.regression.cases import Selection
 
-    if not (settings or files or preset or mapper or descriptor or skip_bad) and (start, stride, limit) == (0, 1, None):
+    cut = options.cut(start, stride, limit)
+    if cut.whole and not any((settings, files, camera, preset, mapper, descriptor, skip_bad)):
         return None
-    chosen = options.configuration(settings, files, preset, mapper, descriptor)
-    return Selection(chosen, options.cut(start, stride, limit), skip_bad)
+    chosen = options.configuration(settings, files, preset, mapper, descriptor, camera=camera)
+    return Selection(chosen, cut, skip_bad)

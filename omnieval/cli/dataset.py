@@ -163,8 +163,8 @@ def check(
     if preview is not None:
         preview = preview.expanduser()
         claim_file(preview, overwrite=overwrite)
-    source = options.posed(
-        options.streamed(source, topic, pose_topic, pose_frame, decode_every), poses, poses_tolerance, poses_interpolate
+    source = options.source_with(
+        source, poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
     )
     with progress("checking") as report_progress:
         report = check_sequence(source, progress=report_progress)

@@ -47,14 +47,12 @@ def describe(
     from omnieval.loop import describe_archive
 
     resolved = options.configuration(set_, config, descriptor=descriptor, camera=camera)
+    taken = options.source_with(
+        source, poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
+    )
     with progress("describing") as report:
         archive, material = describe_archive(
-            options.posed(
-                options.streamed(source, topic, pose_topic, pose_frame, decode_every),
-                poses,
-                poses_tolerance,
-                poses_interpolate,
-            ),
+            taken,
             out,
             config=resolved,
             start=start,

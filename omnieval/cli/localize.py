@@ -37,9 +37,14 @@ def localize(
         list[str] | None,
         typer.Option("--without-room", help="Leave a room out of the map; repeatable.", metavar="ROOM"),
     ] = None,
+    camera: options.CameraFile = None,
     poses: options.Poses = None,
     poses_tolerance: options.PosesTolerance = None,
     poses_interpolate: options.PosesInterpolate = None,
+    topic: options.Topic = None,
+    pose_topic: options.PoseTopic = None,
+    pose_frame: options.PoseFrame = None,
+    decode_every: options.DecodeEvery = None,
     start: options.Start = 0,
     stride: options.Stride = 1,
     limit: options.Limit = None,
@@ -69,10 +74,12 @@ def localize(
     from omnieval.localization.run import localize as find
 
     chosen = None if strategy is None else [name.strip() for name in strategy.split(",")]
+    about = poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
     with progress("localising") as report:
         found = find(
             run,
-            *(options.posed(source, poses, poses_tolerance, poses_interpolate) for source in sources),
+            *(options.source_with(source, *about) for source in sources),
+            camera=camera,
             strategies=chosen,
             within=within,
             map_limit=map_limit,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,7 +12,7 @@ from omnieval.cli.replay import print_run
 
 def map_descriptors(
     descriptors: Annotated[
-        Path,
+        str,
         typer.Argument(
             help="Archive with arrays position (n, d) and orientation (n, cells, bins).", metavar="FILE.npz"
         ),
@@ -42,13 +41,13 @@ def map_descriptors(
     """
     from omnieval.cli.console import progress
     from omnieval.loop import replay
-    from omnieval.material import ARCHIVE_SCHEME
+    from omnieval.material import ARCHIVE_SCHEME, archive_file
 
     resolved = options.configuration(set_, config, preset, mapper, None)
     recording = options.recording(no_rrd=not rrd, no_images=True)
     with progress("mapping") as report:
         run = replay(
-            f"{ARCHIVE_SCHEME}{descriptors}",
+            f"{ARCHIVE_SCHEME}{archive_file(descriptors) or descriptors}",
             config=resolved,
             start=start,
             stride=stride,

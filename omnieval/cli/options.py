@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from omnieval.config import Config
+    from omnieval.config import Config, Setting
     from omnieval.material import Cut
     from omnieval.recording import RecordingOptions
 
@@ -149,8 +149,19 @@ Every = Annotated[
 ]
 
 
+def settings(
+    assignments: Sequence[str] | None, files: Sequence[Path] | None, camera: Path | None = None
+) -> list[Setting]:
+    """Return the parameters that options set: those of the camera, then of files, then of --set; later ones win."""
+    from omnieval.config import parse_assignment, read_camera, read_settings
+
+    given = read_camera(camera) if camera is not None else []
+    given += [setting for file in files or () for setting in read_settings(file)]
+    return given + [parse_assignment(text) for text in assignments or ()]
+
+
 def configuration(
-    settings: Sequence[str] | None,
+    assignments: Sequence[str] | None,
     files: Sequence[Path] | None,
     preset: str | None = None,
     mapper: str | None = None,
@@ -158,43 +169,41 @@ def configuration(
     *,
     camera: Path | None = None,
 ) -> Config:
-    """Return the configuration the options ask for: preset, then camera, then files, then --set, later ones winning."""
-    from omnieval.config import parse_assignment, read_camera, read_settings, resolve
+    """Return the configuration that options ask for: the preset, over which `settings` win."""
+    from omnieval.config import resolve
 
-    given = read_camera(camera) if camera is not None else []
-    given += [setting for file in files or () for setting in read_settings(file)]
-    given += [parse_assignment(text) for text in settings or ()]
-    return resolve(given, preset=preset, mapper=mapper, descriptor=descriptor)
+    return resolve(settings(assignments, files, camera), preset=preset, mapper=mapper, descriptor=descriptor)
 
 
-def streamed(
-    source: str, topic: str | None, pose_topic: str | None, pose_frame: str | None, decode_every: int | None
+def source_with(
+    source: str,
+    poses: Path | None = None,
+    poses_tolerance: float | None = None,
+    poses_interpolate: float | None = None,
+    topic: str | None = None,
+    pose_topic: str | None = None,
+    pose_frame: str | None = None,
+    decode_every: int | None = None,
 ) -> str:
-    """Return a source with what the options take from its video or bag written into it.
+    """Return a source with the options about it written into it: which poses, and what of a video or bag.
 
     Raises
     ------
     ConfigError
         If an option is given for a source that has no such thing.
     """
-    from omnieval.datasets.registry import with_options
+    from omnieval.datasets.registry import posed_source, with_options
     from omnieval.errors import ConfigError
 
     options = {"topic": topic, "pose-topic": pose_topic, "pose-frame": pose_frame, "every": decode_every}
     given = {name: str(value) for name, value in options.items() if value is not None}
     try:
-        return with_options(source, given) if given else source
+        streamed = with_options(source, given) if given else source
     except KeyError as error:
         name = f"--{error.args[0]}".replace("--every", "--decode-every")
         what = "bags" if error.args[0] != "every" else "videos and bags"
         raise ConfigError(f"{name} is for {what}, and {source} is none; leave it out") from error
-
-
-def posed(source: str, poses: Path | None, tolerance: float | None, interpolate: float | None) -> str:
-    """Return a source with the poses that the options ask for written into it."""
-    from omnieval.datasets.registry import posed_source
-
-    return str(posed_source(source, poses, tolerance, interpolate))
+    return str(posed_source(streamed, poses, poses_tolerance, poses_interpolate))
 
 
 def cut(start: int, stride: int, limit: int | None) -> Cut:

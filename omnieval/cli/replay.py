@@ -75,14 +75,12 @@ def replay(
     if map_ is None or any((set_, config, preset, mapper, descriptor, camera)):
         resolved = options.configuration(set_, config, preset, mapper, descriptor, camera=camera)
     recording = options.recording(no_rrd=no_rrd, no_images=no_images, every=every, spawn=spawn, connect=connect)
+    taken = options.source_with(
+        source, poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
+    )
     with progress("replaying") as report:
         run = run_replay(
-            options.posed(
-                options.streamed(source, topic, pose_topic, pose_frame, decode_every),
-                poses,
-                poses_tolerance,
-                poses_interpolate,
-            ),
+            taken,
             config=resolved,
             start=start,
             stride=stride,

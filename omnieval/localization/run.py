@@ -20,7 +20,7 @@ import numpy as np
 import polars as pl
 
 from omnieval.components import Component
-from omnieval.config import Config
+from omnieval.config import Config, with_camera
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError, ResultError
@@ -98,6 +98,7 @@ class Localization:
 def localize(
     run: Run | TopologicalMap | str | Path,
     *sources: Source,
+    camera: str | Path | None = None,
     strategies: Sequence[str] | None = None,
     within: float = 0.5,
     map_limit: int | None = None,
@@ -118,6 +119,9 @@ def localize(
         A run, its folder, or a map.
     *sources
         Sources as on the command line, or sequences; at least one.
+    camera
+        What the camera of the sources is: a file like ``camera.toml``; default what the map's run was told, else what
+        each source knows of its own.
     strategies
         Of `STRATEGIES`; default all that the mapper has.
     within
@@ -153,7 +157,7 @@ def localize(
     chosen = _strategies(strategies, mapper)
     if LEVELS in chosen or map_limit is not None or without_rooms:
         mapper = mapper.again()
-    config = _config(map_, mapper)
+    config = _config(map_, mapper, camera)
     whole = map_.digest
     if map_limit is not None or without_rooms:
         map_ = map_of_part(map_, kept_images(map_, map_limit, without_rooms), mapper)
@@ -277,18 +281,21 @@ def _strategies(names: Sequence[str] | None, mapper: Component) -> tuple[str, ..
     return tuple(names)
 
 
-def _config(map_: TopologicalMap, mapper: Component) -> Config:
-    """Return how images are described as those of the map were.
+def _config(map_: TopologicalMap, mapper: Component, camera: str | Path | None) -> Config:
+    """Return how images are described as those of the map were, with the camera of a file if there is one.
 
     Raises
     ------
+    ConfigError
+        If the file describes no camera.
     ResultError
         If the descriptor cannot be made again as it was.
     """
     descriptor = Component.of_run("descriptor", map_.about["descriptor"])
     if descriptor != ARCHIVE:
         descriptor = descriptor.again()
-    return Config(mapper, descriptor, ImagingConfig.model_validate(map_.about["imaging"]))
+    imaging = ImagingConfig.model_validate(map_.about["imaging"])
+    return Config(mapper, descriptor, imaging if camera is None else with_camera(imaging, Path(camera)))
 
 
 def _answers(finder: Strategy, query: _Query, within: float) -> Iterator[dict[str, Any]]:

@@ -94,10 +94,12 @@ def test_a_second_run_gets_a_folder_of_its_own_and_out_is_never_overwritten_unas
 def test_describe_then_map_decides_what_replay_decides(replayed, panoramas, tmp_path):
     cwd, result = replayed
     assert in_process("describe", panoramas, "--out", "three.npz", cwd=tmp_path).returncode == 0
-    mapped = in_process("map", "three.npz", *SMALL, "--json", cwd=tmp_path)
+    mapped = in_process("map", "npz:three.npz", *SMALL, "--json", cwd=tmp_path)
     steps = open_run(tmp_path / json.loads(mapped.stdout)["run"]).steps
     expected = open_run(cwd / result.stdout.splitlines()[0]).steps
     assert steps.drop("milliseconds").equals(expected.drop("milliseconds"))
+    plain = json.loads(in_process("map", "three.npz", "--limit", "20", *SMALL, "--json", cwd=tmp_path).stdout)
+    assert plain["source"] == f"npz:{tmp_path / 'three.npz'}"
 
 
 def test_render_rebuilds_the_recording(replayed):
