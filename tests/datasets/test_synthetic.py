@@ -18,7 +18,8 @@ from omnieval.datasets.synthetic.furniture import standing
 from omnieval.datasets.synthetic.lighting import LIGHTS as DAYS
 from omnieval.datasets.synthetic.people import Person, bodies, passers_by
 from omnieval.datasets.synthetic.picture import photograph
-from omnieval.datasets.synthetic.render import build_scene, render_polar
+from omnieval.datasets.synthetic.render import render_polar
+from omnieval.datasets.synthetic.scene import build_scene
 from omnieval.datasets.synthetic.solids import box
 
 CORRIDOR = (6.5, 0.0, 0.0)

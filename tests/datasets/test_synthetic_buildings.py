@@ -19,7 +19,8 @@ from omnieval.datasets.synthetic.facts import Rendered
 from omnieval.datasets.synthetic.outlines import outlines
 from omnieval.datasets.synthetic.picture import photograph
 from omnieval.datasets.synthetic.plans import building
-from omnieval.datasets.synthetic.render import build_scene, render_polar
+from omnieval.datasets.synthetic.render import render_polar
+from omnieval.datasets.synthetic.scene import build_scene
 from omnieval.datasets.synthetic.solids import box
 from omnieval.datasets.synthetic.way import nominal, planned, route
 from omnieval.errors import DatasetError
@@ -183,7 +184,8 @@ class TestCamera:
         x, y, _ = drive(day_of(building(2), "cloudy"), 0, 30).poses[20]
         shown = [photograph(render_polar(scene, (x, y, yaw)), scene.light, None) for yaw in (0.0, 1.0, 2.5)]
         cover = np.zeros((camera.HEIGHT, camera.WIDTH), bool)
-        cover[camera.DISC] = camera.mount()[0][..., 0] > 0.99
+        mount = camera.mount()
+        cover[camera.DISC][mount.where] = mount.uncovered[..., 0] < 0.01
         disc = np.zeros_like(cover)
         disc[camera.DISC] = camera.rim()[..., 0] > 0.5
         spread = np.ptp(np.stack(shown).astype(float).mean(axis=3), axis=0)

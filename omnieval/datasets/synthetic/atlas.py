@@ -36,17 +36,24 @@ class Atlas:
     sizes: NDArray[np.float32]
 
     def look_up(
-        self, texture: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32], lod: NDArray[np.float32]
+        self, texture: NDArray[np.intp], u: NDArray[np.float32], v: NDArray[np.float32], covered: NDArray[np.float32]
     ) -> NDArray[np.uint8]:
-        """Return the colours of points on textures, shape (..., 3).
+        """Return the colours of points on textures, shape (..., 3); of no meaning where `texture` is negative.
 
-        `u`, `v` count repetitions, to the right and upwards; `lod` is the base-2 logarithm of how many of the finest
-        level's pixels a pixel of the view covers.
+        `u`, `v` count repetitions, to the right and upwards; `covered` is how many of the finest level's pixels a
+        pixel of the view covers.
         """
-        level = np.clip(np.rint(lod), 0, LEVELS - 1).astype(np.int32)
-        pixels = _LEVEL_PIXELS[level]
-        column = (u - np.floor(u)) * pixels + _LEVEL_START[level]
-        row = (np.ceil(v) - v) * pixels + (texture * _STRIDE + (_PAD - 0.5)).astype(np.float32)
+        level = np.zeros(covered.shape, np.uint8)
+        for bound in _LEVEL_FROM:
+            level += covered >= bound
+        level = level.astype(np.intp)
+        pixels = _LEVEL_PIXELS.take(level)
+        column = u - np.floor(u)
+        column *= pixels
+        column += _LEVEL_START.take(level)
+        row = np.ceil(v) - v
+        row *= pixels
+        row += (np.arange(len(self.index)) * _STRIDE + (_PAD - 0.5)).astype(np.float32).take(texture)
         return np.asarray(cv2.remap(self.picture, column, row, cv2.INTER_LINEAR), dtype=np.uint8)
 
 
@@ -69,6 +76,15 @@ def _strip(texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.hstack(parts)
 
 
+def _first_of(level: int) -> np.float32:
+    """Return from how many covered pixels on a level is the best: the least number whose log2 rounds to it."""
+    covered = np.float32(2.0 ** (level - 0.5) * (1.0 - 1e-6))
+    while np.rint(np.log2(covered)) < level:
+        covered = np.nextafter(covered, np.float32(np.inf))
+    return covered
+
+
+_LEVEL_FROM = tuple(_first_of(level) for level in range(1, LEVELS))
 _LEVEL_PIXELS = np.array([PIXELS >> level for level in range(LEVELS)], np.float32)
 _LEVEL_START = np.array(
     [sum((PIXELS >> k) + 2 * _PAD for k in range(level)) + _PAD - 0.5 for level in range(LEVELS)], np.float32

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -53,6 +54,12 @@ def slopes() -> NDArray[np.float32]:
 
 
 @cache
+def below_horizon() -> int:
+    """Return how many of the polar rows look downwards; they are the first."""
+    return int(np.searchsorted(slopes(), 0.0))
+
+
+@cache
 def polar_map() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return where the pixels of `DISC` lie in a polar image padded by one wrapped azimuth: row, column.
 
@@ -66,10 +73,10 @@ def polar_map() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 @cache
 def rim() -> NDArray[np.float32]:
-    """Return the share of the mirror's picture in the pixels of `DISC`, vignetted; shape (rows, columns, 1)."""
+    """Return the share of the mirror's picture in the pixels of `DISC`, vignetted; shape (rows, columns, 3)."""
     r = np.hypot(*_from_centre())
     vignette = 1.0 - 0.06 * (r / MIRROR.r_out) ** 3
-    return np.asarray((_annulus(r) * vignette)[DISC][..., None], dtype=np.float32)
+    return np.repeat((_annulus(r) * vignette)[DISC][..., None], 3, axis=2).astype(np.float32)
 
 
 @cache
@@ -88,12 +95,30 @@ def surroundings() -> NDArray[np.float32]:
     return np.repeat(grey[..., None], 3, axis=2).astype(np.float32)
 
 
+@dataclass(frozen=True)
+class Mount:
+    """What the mirror shows of the robot and the camera's post.
+
+    Attributes
+    ----------
+    where
+        The rows and columns of `DISC` around it.
+    uncovered
+        The share of each pixel there that it leaves free, shape (rows, columns, 3).
+    colour
+        Its reflectance times the share that it covers: blue, green, red; shape (3, rows, columns).
+    """
+
+    where: tuple[slice, slice]
+    uncovered: NDArray[np.float32]
+    colour: NDArray[np.float32]
+
+
 @cache
-def mount() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def mount() -> Mount:
     """Return the camera's post and the robot's body as the mirror shows them: they stay put whatever the robot does.
 
-    The share of a pixel of `DISC` that they cover, shape (rows, columns, 1), and their reflectance times that share,
-    shape (rows, columns, 3), BGR. Measured on panoramas of COLD, 512 columns wide and 128 rows high: the post stands
+    Measured on panoramas of COLD, 512 columns wide and 128 rows high: the post stands
     to the robot's right, a clamp with two knobs at its foot on a white plate, the red chassis behind.
     """
     dx, dy = _from_centre()
@@ -118,7 +143,11 @@ def mount() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     put(5.0 * (1.0 - np.hypot((from_post + 22.0) / 11.0, (row - 100.0) / 6.0)), (0.07, 0.08, 0.09))
     put(np.minimum(9.0 - np.abs(from_post - 0.5), 4.5 - np.abs(row - 112.5)), (0.45, 0.58, 0.55))
     put(np.minimum(0.6 * (10.0 - np.abs(from_post)), 0.5 * (109.0 - row)), (0.045, 0.055, 0.055))
-    return cover[DISC].astype(np.float32), (colour * cover)[DISC].astype(np.float32)
+    shares, reflectances = cover[DISC].astype(np.float32), (colour * cover)[DISC].astype(np.float32)
+    rows, columns = (np.flatnonzero(shares[..., 0].any(axis=axis)) for axis in (1, 0))
+    where = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    uncovered = np.repeat(np.float32(1.0) - shares[where], 3, axis=2)
+    return Mount(where, uncovered, np.moveaxis(reflectances[where], 2, 0).copy())
 
 
 def _from_centre() -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +74,7 @@ class Hits:
     normal_y: Floats
 
 
-def plan_of(solids: list[Solid], textures: dict[str, int]) -> Plan:
+def plan_of(solids: Sequence[Solid], textures: dict[str, int]) -> Plan:
     """Return solids as columns; `textures` numbers the textures."""
 
     def column(values: list[float]) -> Floats:
@@ -96,6 +97,11 @@ def plan_of(solids: list[Solid], textures: dict[str, int]) -> Plan:
     )
 
 
+def joined(first: Plan, second: Plan) -> Plan:
+    """Return the solids of both plans, those of the first before those of the second."""
+    return Plan(*(np.concatenate([getattr(plan, f.name) for plan in (first, second)]) for f in fields(Plan)))
+
+
 def cast(plan: Plan, x: float, y: float, yaw: float, rays: int) -> Hits:
     """Send `rays` rays from (x, y) through the plan, the first along `yaw`, the others evenly to its left.
 
@@ -103,7 +109,9 @@ def cast(plan: Plan, x: float, y: float, yaw: float, rays: int) -> Hits:
     """
     origin = _origin(plan, x, y)
     column, solid = _candidates(plan, origin, yaw, rays)
-    local = _local(plan, origin, solid, np.asarray(yaw + (2.0 * np.pi / rays) * column))
+    azimuth = np.asarray(yaw + (2.0 * np.pi / rays) * np.arange(rays))
+    direction = np.cos(azimuth).astype(np.float32)[column], np.sin(azimuth).astype(np.float32)[column]
+    local = _local(plan, origin, solid, direction)
     near, far = _box_distances(plan.half_width[solid], plan.half_depth[solid], local)
     curved = np.flatnonzero(plan.round[solid])
     near[curved], far[curved] = _round_distances(plan.half_width[solid[curved]], _taken(local, curved))
@@ -144,9 +152,11 @@ def _candidates(
     return (first[solid] + offset) % rays, solid
 
 
-def _local(plan: Plan, origin: tuple[Floats, Floats], solid: NDArray[np.intp], azimuth: NDArray[np.float64]) -> Local:
+def _local(
+    plan: Plan, origin: tuple[Floats, Floats], solid: NDArray[np.intp], direction: tuple[Floats, Floats]
+) -> Local:
     """Return origins and directions of rays in the axes of the solids they may meet."""
-    dx, dy = np.cos(azimuth).astype(np.float32), np.sin(azimuth).astype(np.float32)
+    dx, dy = direction
     cos, sin = plan.cos[solid], plan.sin[solid]
     return origin[0][solid], origin[1][solid], cos * dx + sin * dy, cos * dy - sin * dx
 

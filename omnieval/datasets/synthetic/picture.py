@@ -30,22 +30,19 @@ def photograph(
     look = light.look
     gain = _exposure(polar, look)
     polar = _smeared(polar * gain, look.shutter * abs(turned))
-    padded = np.concatenate([polar, polar[:1]])
     row, azimuth = camera.polar_map()
-    warped = cv2.remap(padded, row, azimuth, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    view = np.asarray(warped, np.float32)
+    wrapped = np.concatenate([polar, polar[:1]])
+    view = np.asarray(cv2.remap(wrapped, row, azimuth, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32)
     _bloom(view, light.bloom)
-    image = camera.surroundings().copy()
-    disc = image[camera.DISC]
     np.minimum(view, np.float32(255.0), out=view)
     _show_mount(view, polar)
     view = np.asarray(cv2.GaussianBlur(view, (5, 5), _FOCUS), np.float32)
     view *= camera.rim()
-    disc += view
-    if rng is not None:
-        image += (np.float32(light.noise) * np.sqrt(gain) * _grain(rng))[..., None]
-    taken = np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0, out=image)), np.uint8)
-    return np.asarray(cv2.LUT(taken, _development(look)), np.uint8)
+    image = camera.surroundings().copy()
+    image[camera.DISC] += view
+    grain = _grain(rng, np.float32(light.noise) * np.sqrt(gain)) if rng else np.zeros(image.shape[:2], np.float32)
+    taken = cv2.add(image, cv2.merge([grain, grain, grain]), dtype=cv2.CV_8U)
+    return _developed(np.asarray(taken, np.uint8), look)
 
 
 def _exposure(polar: NDArray[np.float32], look: Look) -> np.float32:
@@ -66,17 +63,25 @@ def _smeared(polar: NDArray[np.float32], angle: float) -> NDArray[np.float32]:
 
 def _show_mount(view: NDArray[np.float32], polar: NDArray[np.float32]) -> None:
     """Put post and body in, as bright as the floor around the robot lets them be."""
-    cover, colour = camera.mount()
+    mount = camera.mount()
     around = np.minimum(polar[::8, : polar.shape[1] // 3].mean(axis=(0, 1)), np.float32(255.0))
-    view *= np.float32(1.0) - cover
-    view += colour * (np.float32(0.5) * around + np.float32(0.5) * around.mean() + np.float32(90.0))
+    shown = view[mount.where]
+    shown *= mount.uncovered
+    light = np.float32(0.5) * around + np.float32(0.5) * around.mean() + np.float32(90.0)
+    shown += cv2.merge([channel * level for channel, level in zip(mount.colour, light, strict=True)])
+
+
+def _developed(taken: NDArray[np.uint8], look: Look) -> NDArray[np.uint8]:
+    """Return what is stored of what the sensor saw, a channel at a time: so the tables are looked up fastest."""
+    channels = zip(cv2.split(taken), _development(look), strict=True)
+    return np.asarray(cv2.merge([cv2.LUT(channel, table) for channel, table in channels]), np.uint8)
 
 
 @cache
 def _development(look: Look) -> NDArray[np.uint8]:
-    """Return the table from what the sensor saw to what is stored, shape (256, 1, 3)."""
+    """Return the tables from what the sensor saw to what is stored: blue, green, red; shape (3, 256)."""
     curve = _BLACK + 255.0 * (np.arange(256.0) / 255.0) ** look.curve * 1.12
-    return np.asarray(np.clip(np.rint(curve[:, None, None] * np.array(look.cast)), 0, 255), np.uint8)
+    return np.asarray(np.clip(np.rint(curve * np.array(look.cast)[:, None]), 0, 255), np.uint8)
 
 
 def _bloom(view: NDArray[np.float32], share: float) -> None:
@@ -87,8 +92,8 @@ def _bloom(view: NDArray[np.float32], share: float) -> None:
     view += cv2.resize(np.float32(share) * glow, (width, height))
 
 
-def _grain(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return noise of zero mean and unit deviation, a little smooth as after demosaicing, shape (480, 640).
+def _grain(rng: np.random.Generator, deviation: np.float32) -> NDArray[np.float32]:
+    """Return noise of zero mean and that deviation, a little smooth as after demosaicing, shape (480, 640).
 
     A cut of one plate at a place and in a direction that `rng` draws: new noise for every pixel of every frame
     would take as long as the rest of the picture.
@@ -96,8 +101,9 @@ def _grain(rng: np.random.Generator) -> NDArray[np.float32]:
     top = int(rng.integers(_GRAIN_SIDE - camera.HEIGHT))
     left = int(rng.integers(_GRAIN_SIDE - camera.WIDTH))
     down, right, sign = (1 if draw else -1 for draw in rng.integers(0, 2, 3))
-    cut = _grain_plate()[top : top + camera.HEIGHT, left : left + camera.WIDTH][::down, ::right]
-    return np.asarray(cut * np.float32(sign))
+    cut = _grain_plate()[top : top + camera.HEIGHT, left : left + camera.WIDTH] * (deviation * np.float32(sign))
+    turned = {(1, 1): None, (-1, 1): 0, (1, -1): 1, (-1, -1): -1}[down, right]
+    return np.asarray(cut if turned is None else cv2.flip(cut, turned), np.float32)
 
 
 @cache

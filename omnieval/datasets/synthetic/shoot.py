@@ -14,7 +14,8 @@ from omnieval.datasets.synthetic.drives import Tour, drive
 from omnieval.datasets.synthetic.people import Person, bodies, passers_by
 from omnieval.datasets.synthetic.picture import photograph
 from omnieval.datasets.synthetic.plans import building
-from omnieval.datasets.synthetic.render import Scene, build_scene, render_polar
+from omnieval.datasets.synthetic.render import render_polar
+from omnieval.datasets.synthetic.scene import Scene, build_scene
 from omnieval.errors import DatasetError
 from omnieval.seeding import named_generator
 
