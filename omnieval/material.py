@@ -25,6 +25,7 @@ from omnieval.components import Component
 from omnieval.config import Config
 from omnieval.datasets import load
 from omnieval.datasets.findings import KindOfFinding, by_kind
+from omnieval.datasets.perturbation import OPTIONS as OF_PERTURBATION
 from omnieval.datasets.registry import posed_source
 from omnieval.datasets.scan import FARTHEST_M
 from omnieval.datasets.sequence import Frame, Pose, Sequence, positions_of
@@ -43,6 +44,7 @@ from omnieval.mapping.map import TopologicalMap
 from omnieval.results.map_file import UNTIMED
 from omnieval.results.provenance import dataset_fingerprint
 from omnieval.results.run_folder import Run, open_run
+from omnieval.source_code import digest_of
 
 ARCHIVE_SCHEME = "npz:"
 """How the source of an archive begins."""
@@ -128,6 +130,8 @@ class Material:
     earlier
         The run whose map goes on: its images are the first of the frames, and source, cut, camera, findings and images
         left out are those of what follows. None if the map is a new one.
+    perturbation
+        What was changed of the sequence (`datasets.perturbation`); empty if nothing was.
     """
 
     name: str
@@ -147,6 +151,7 @@ class Material:
     pictures: Pictures | None = None
     cache: DescriptorCache | None = None
     earlier: Earlier | None = None
+    perturbation: str = ""
 
     @property
     def determining(self) -> dict[str, Any]:
@@ -161,6 +166,7 @@ class Material:
             "sequence": self.name,
             "card": self.card,
             "cut": dataclasses.asdict(self.cut),
+            "perturbation": self.perturbation or None,
             "frames": len(self.frames),
             "camera": self.camera_about,
             "descriptor": self.descriptor.about,
@@ -341,6 +347,9 @@ def archive_file(source: Source) -> Path | None:
     if isinstance(source, Sequence):
         return None
     text = str(source)
+    place, changes = apart(text, OF_PERTURBATION)
+    if changes and (place.startswith(ARCHIVE_SCHEME) or place.endswith(".npz")):
+        raise ConfigError(f"{place} has descriptors, and images alone are perturbed; cut it with --start and --stride")
     place, poses = apart(text, OF_POSES)
     if poses and (place.startswith(ARCHIVE_SCHEME) or _is_called_archive(place)):
         raise ConfigError(
@@ -442,7 +451,7 @@ def other_camera(camera: Mapping[str, Any] | None, of_map: Mapping[str, Any] | N
         return None if camera is of_map else "one has images and the other only descriptors; use the same kind"
     differing = [
         f"{name} {camera.get(name)}, not {of_map.get(name)}"
-        for name in sorted({*camera, *of_map} - {"origin", "mirror"})
+        for name in sorted({*camera, *of_map} - {"origin", "mirror", "disturbance"})
         if camera.get(name) != of_map.get(name)
     ]
     return f"its camera has {', '.join(differing)}; set imaging as the map has it" if differing else None
@@ -503,6 +512,8 @@ def _of_images(
         if undescribed_cells is None
         else _undescribed(sequence.frames)
     )
+    if sequence.perturbation:
+        described = _changed(described, sequence.perturbation)
     first = next(described)
     return Material(
         name=sequence.name,
@@ -521,6 +532,7 @@ def _of_images(
         skipped=skipped,
         pictures=SequencePictures(sequence.frames, camera),
         cache=cache,
+        perturbation=sequence.perturbation,
     )
 
 
@@ -579,6 +591,12 @@ def _pictures_of(run: Run) -> Pictures:
     if pictures is None:
         raise DatasetError(f"{run.folder}, whose map goes on, was replayed from descriptors; it has no images to show")
     return pictures
+
+
+def _changed(described: Iterator[DescribedFrame], perturbation: str) -> Iterator[DescribedFrame]:
+    """Yield descriptions whose digests know of a perturbation: the images on disk are not what was described."""
+    for one in described:
+        yield dataclasses.replace(one, digest=digest_of([one.digest, perturbation]))
 
 
 def _undescribed(frames: Iterable[Frame]) -> Iterator[DescribedFrame]:

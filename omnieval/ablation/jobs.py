@@ -41,6 +41,10 @@ class Input:
         What to open: a sequence that is cut already, or the file of an archive.
     skipped
         Images that were left out because they are not fit for use; None if nobody asked for that.
+    perturbation
+        What was changed of the sequence (`datasets.perturbation`); empty if nothing was.
+    replicate
+        The number of the perturbation among those drawn; None if none were.
     """
 
     name: str
@@ -49,6 +53,8 @@ class Input:
     images: int
     given: Source
     skipped: tuple[BadImage, ...] | None = None
+    perturbation: str = ""
+    replicate: int | None = None
 
     @property
     def rest(self) -> Cut:
@@ -84,6 +90,8 @@ class Job:
             "job": self.number,
             "dataset": self.input.name,
             "source": self.input.source,
+            "perturbation": self.input.perturbation or None,
+            "replicate": self.input.replicate,
             "mapper": self.config.mapper.name,
             "descriptor": self.config.descriptor.name,
             **self.config.settings,

@@ -16,6 +16,9 @@ from omnieval.components import Component
 from omnieval.config import Config, Setting, parameters
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.datasets import load
+from omnieval.datasets.perturbation import OPTIONS as OF_PERTURBATION
+from omnieval.datasets.perturbation import Perturbation
+from omnieval.datasets.source import apart
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.imaging.soundness import without_bad
@@ -39,12 +42,15 @@ class Plan:
         parameters, and the types of all.
     exact
         The parameter that takes all values of an interval in every job; None for a grid of points.
+    tuned_on
+        Sources, without perturbations, that parameters are chosen on, to be judged on the others.
     """
 
     jobs: tuple[Job, ...]
     varied: tuple[str, ...]
     grid: dict[str, Any]
     exact: Span | None = None
+    tuned_on: tuple[str, ...] = ()
 
 
 def make_plan(
@@ -56,10 +62,21 @@ def make_plan(
     preset: str | None = None,
     cut: Cut | None = None,
     skip_bad: bool = False,
+    perturbations: Sequence[Perturbation] = (),
+    tune_on: Sequence[Source] = (),
 ) -> Plan:
     """Validate grid and sources whole, and lay out the jobs.
 
     No image is read, unless those that are not fit for use are to be left out (`skip_bad`).
+
+    Parameters
+    ----------
+    sources, axes, settings, exact, preset, cut, skip_bad
+        See `run.ablate`.
+    perturbations
+        Every source is run with each of them (`datasets.perturbation`); none: as it is.
+    tune_on
+        Sources that parameters are chosen on; run as well if they are not among `sources`.
 
     Raises
     ------
@@ -71,11 +88,20 @@ def make_plan(
     configs = configurations(axes, settings, preset, exact=exact)  # first: a source may have to be rendered
     faults: list[DatasetError] = []
     inputs: list[Input] = []
-    for source in sources or ("synthetic",):
+    tuned_on: list[str] = []
+    asked = [*(sources or ("synthetic",)), *tune_on]
+    for number, source in enumerate(asked):
         try:
-            inputs.append(_input(source, configs, cut or Cut(), skip_bad=skip_bad))
+            own = _inputs(source, configs, cut or Cut(), perturbations, skip_bad=skip_bad)
         except DatasetError as error:
             faults.append(error)
+            continue
+        if number >= len(asked) - len(tune_on):
+            tuned_on.append(apart(own[0].source, OF_PERTURBATION)[0])
+            own = [one for one in own if one.source not in {other.source for other in inputs}]
+        inputs += own
+    if tune_on and not faults and all(apart(one.source, OF_PERTURBATION)[0] in tuned_on for one in inputs):
+        raise ConfigError("--tune-on names all sequences; name others too, to be judged on")
     if misfits := [*_twice(inputs), *_too_short(inputs, configs)]:
         raise ConfigError("; ".join([*misfits, *map(str, faults)]))
     if faults:
@@ -88,7 +114,25 @@ def make_plan(
         varied,
         _grid(inputs, [config for _, config in pairs], varied, exact),
         exact,
+        tuple(tuned_on),
     )
+
+
+def _inputs(
+    source: Source, configs: Sequence[Config], cut: Cut, perturbations: Sequence[Perturbation], *, skip_bad: bool
+) -> list[Input]:
+    """Return a source with each of the perturbations; as it is if there are none."""
+    if not perturbations:
+        return [_input(source, configs, cut, skip_bad=skip_bad)]
+    if archive_file(source) is not None:
+        raise ConfigError(f"{source} has descriptors, and images alone are perturbed; leave --perturb out")
+    whole = source if isinstance(source, ImageSequence) else load(source)
+    if whole.perturbation:
+        raise ConfigError(f"{whole.source} is perturbed already; name it without that, or leave --perturb out")
+    return [
+        replace(_input(one.applied(whole), configs, cut, skip_bad=skip_bad), replicate=number)
+        for number, one in enumerate(perturbations)
+    ]
 
 
 def _input(source: Source, configs: Sequence[Config], cut: Cut, *, skip_bad: bool) -> Input:
@@ -103,7 +147,15 @@ def _input(source: Source, configs: Sequence[Config], cut: Cut, *, skip_bad: boo
     skipped = None
     if skip_bad:
         sequence, skipped = without_bad(sequence)
-    return Input(sequence.name, sequence.source, Cut(*sequence.cut_from), len(sequence), sequence, skipped)
+    return Input(
+        sequence.name,
+        sequence.source,
+        Cut(*sequence.cut_from),
+        len(sequence),
+        sequence,
+        skipped,
+        sequence.perturbation,
+    )
 
 
 def _of_input(one: Input, configs: Sequence[Config]) -> list[Config]:

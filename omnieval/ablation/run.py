@@ -18,19 +18,23 @@ from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, 
 from omnieval.ablation.plan import Plan, make_plan
 from omnieval.ablation.pool import workers
 from omnieval.ablation.store import BEST, KIND, Store, rows_table
+from omnieval.ablation.summary import over_replicates, tuned
 from omnieval.ablation.tree import grow, plant
 from omnieval.config import Setting
 from omnieval.datasets import Sequence as ImageSequence
+from omnieval.datasets.perturbation import Perturbation, Replicates
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.soundness import examined
 from omnieval.loop import run as replay
 from omnieval.material import Cut, Source, opened, with_poses
+from omnieval.metrics.catalogue import BY_NAME
 from omnieval.recording import RecordingOptions
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder, hold_folder, reason_of
 from omnieval.results.provenance import code_digest, versions
 from omnieval.results.run_folder import free_folder
+from omnieval.wording import did_you_mean
 
 Progress = Callable[[int, int], None]
 RUNS = Path("runs")
@@ -49,12 +53,14 @@ class JobFailedError(OmnievalError):
 class Ablation:
     """An ablation folder and its table (`schemas.ablation_schema`).
 
-    `lacking` says why rows have no ``batch_silhouette`` that could have one.
+    `lacking` says why rows have no ``batch_silhouette`` that could have one. `tuned` is what parameters that were
+    chosen on some sequences come to on the others (`summary.tuned`), None if none were.
     """
 
     folder: Path
     table: pl.DataFrame
     lacking: str | None = None
+    tuned: pl.DataFrame | None = None
 
     @property
     def failed(self) -> int:
@@ -78,6 +84,10 @@ def ablate(
     stride: int = 1,
     limit: int | None = None,
     skip_bad: bool = False,
+    perturb: str | None = None,
+    replicates: int | None = None,
+    tune_on: Source | Iterable[Source] = (),
+    tune_by: str = "silhouette",
     jobs: int = 1,
     out: str | Path | None = None,
     resume: bool = False,
@@ -110,6 +120,11 @@ def ablate(
         Which frames of each source.
     skip_bad
         Leave out images that are not fit for use instead of refusing the sequence.
+    perturb, replicates
+        What to perturb, such as ``"start=0:30,stride=1:2,mirror=1,noise=2,reverse"``, and how many times: every source
+        is run with each of as many perturbations (`datasets.perturbation`).
+    tune_on, tune_by
+        Choose parameters on these sources by this metric, and judge them on the others.
     jobs, out, resume, overwrite, csv, keep_steps, record_best, fail_fast, progress
         See `run_plan`.
 
@@ -131,9 +146,12 @@ def ablate(
         preset=preset,
         cut=Cut(start, stride, limit),
         skip_bad=skip_bad,
+        perturbations=drawn(perturb, replicates),
+        tune_on=[tune_on] if isinstance(tune_on, str | Path | ImageSequence) else list(tune_on),
     )
     return run_plan(
         plan,
+        tune_by=tune_by,
         jobs=jobs,
         out=out,
         resume=resume,
@@ -146,9 +164,27 @@ def ablate(
     ).table
 
 
+def drawn(perturb: str | None, replicates: int | None) -> list[Perturbation]:
+    """Return the perturbations that are asked for; none if nothing is.
+
+    Raises
+    ------
+    ConfigError
+        If one of the two is asked for without the other, or they make no sense.
+    """
+    if perturb is None and replicates is None:
+        return []
+    if perturb is None or replicates is None:
+        raise ConfigError("--replicates and --perturb go together, e.g. --replicates 20 --perturb mirror=1,noise=2")
+    if replicates < 1:
+        raise ConfigError(f"--replicates must be 1 or more, got {replicates}")
+    return Replicates.parse(perturb).draw(replicates)
+
+
 def run_plan(
     plan: Plan,
     *,
+    tune_by: str = "silhouette",
     jobs: int = 1,
     out: str | Path | None = None,
     resume: bool = False,
@@ -165,6 +201,8 @@ def run_plan(
     ----------
     plan
         See `plan.make_plan`.
+    tune_by
+        The metric that parameters are chosen by, if they are (`Plan.tuned_on`).
     jobs
         Processes; the rows do not depend on it, except the seconds.
     out
@@ -197,6 +235,7 @@ def run_plan(
         With `fail_fast`, when a job fails.
     """
     check_options(plan.exact, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or record_best)
+    check_tuning(plan, tune_by)
     if jobs > 1:
         _refuse_mappers_of_this_process(plan.jobs)
     with DescriptorCache() as cache:
@@ -204,7 +243,7 @@ def run_plan(
             if isinstance(given, ImageSequence):
                 examined(given, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
-    work = _Work(plan, store, jobs, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
+    work = _Work(plan, store, jobs, tune_by, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
     resume = resume and store.exists()
     held = store.open(None if resume else work.guard, overwrite=overwrite, resume=resume)
     with held as folder, _dropping_descriptors(store):
@@ -268,6 +307,24 @@ def dataset_key(job: Job) -> str:
     return json.dumps(about, sort_keys=True)
 
 
+def check_tuning(plan: Plan, tune_by: str) -> None:
+    """Refuse a metric that parameters cannot be chosen by.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such metric, neither way of it is better, or the ablation makes no single runs.
+    """
+    if not plan.tuned_on:
+        return
+    if plan.exact:
+        raise ConfigError("--exact makes no single runs, so none can be chosen; leave --tune-on out")
+    if tune_by not in BY_NAME:
+        raise ConfigError(f"--tune-by: there is no metric {tune_by}; {did_you_mean(tune_by, BY_NAME)}")
+    if BY_NAME[tune_by].better is None:
+        raise ConfigError(f"--tune-by: of {tune_by} neither way is better; take for example pair_f1")
+
+
 @dataclass(frozen=True)
 class _Work:
     """A plan being run."""
@@ -275,6 +332,7 @@ class _Work:
     plan: Plan
     store: Store
     processes: int
+    tune_by: str
     keep_steps: bool
     fail_fast: bool
     progress: Progress | None
@@ -411,7 +469,8 @@ def _finish(
         )  # what else befalls us, the sweep has its table
         table, lacking = work.with_batch(pool, described, rows)
     work.store.write(table, csv=csv)
-    ablation = Ablation(work.store.folder, table, lacking)
+    chosen = tuned(table, work.plan.varied, work.plan.tuned_on, work.tune_by) if work.plan.tuned_on else None
+    ablation = Ablation(work.store.folder, table, lacking, chosen)
     if record_best and (best := best_run(table)) is not None:
         job = work.plan.jobs[best]
         with opened(job.input.given, job.config, job.input.rest) as material:
@@ -421,6 +480,7 @@ def _finish(
         {
             "jobs": len(table),
             "failed_jobs": ablation.failed,
+            **({} if chosen is None else {"tuned_by": work.tune_by, "tuned": chosen.to_dicts()}),
             "null_reasons": {"batch_silhouette": lacking} if lacking else {},
             "content_hashes": {KIND: content_hash(table)},
             "timings": {"seconds": time.perf_counter() - started, "processes": work.processes},
@@ -430,8 +490,11 @@ def _finish(
 
 
 def best_run(table: pl.DataFrame) -> int | None:
-    """Return the job with the highest silhouette, the first of equals; None if no run has one."""
-    scored = table.drop_nulls("silhouette")
+    """Return the job with the highest silhouette, the first of equals; None if no run has one.
+
+    Where there are replicates, it is the first of those whose mean is the highest.
+    """
+    scored = over_replicates(table).drop_nulls("silhouette")
     return None if scored.is_empty() else int(scored["job"][int(scored["silhouette"].arg_max() or 0)])
 
 

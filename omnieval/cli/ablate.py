@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from omnieval.ablation.plan import Plan
     from omnieval.ablation.run import Ablation
     from omnieval.config import Setting
+    from omnieval.datasets.perturbation import Perturbation
     from omnieval.material import Cut
 
 SOME_FAILED = 5
@@ -73,6 +74,27 @@ def ablate(
     stride: options.Stride = 1,
     limit: options.Limit = None,
     skip_bad: options.SkipBad = False,
+    perturb: Annotated[
+        str | None,
+        typer.Option(
+            help="Perturb every sequence at random: start=0:30,stride=1:2,mirror=1,noise=2,gain=0.1,reverse,seed=0.",
+            metavar="WHAT",
+        ),
+    ] = None,
+    replicates: Annotated[
+        int | None, typer.Option(min=1, help="How many perturbations of every sequence.", metavar="N")
+    ] = None,
+    tune_on: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--tune-on",
+            help="Choose parameters on these sequences and judge on the others; repeatable, or with commas between.",
+            metavar="SOURCES",
+        ),
+    ] = None,
+    tune_by: Annotated[
+        str, typer.Option("--tune-by", help="Metric that parameters are chosen by.", metavar="METRIC")
+    ] = "silhouette",
     jobs: Annotated[int, typer.Option(help="Processes; the table does not depend on it.", metavar="N")] = 1,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write; default runs/ablation[-<n>].", metavar="DIR")
@@ -108,9 +130,13 @@ def ablate(
       omnieval ablate --mapper roman2020,leader --descriptor hog,gist
 
       omnieval ablate --preset figures-9-10 --out runs/figures --resume
+
+      omnieval ablate --replicates 20 --perturb start=0:30,mirror=1,noise=2,reverse
+
+      omnieval ablate synthetic:night --vary n_new=10:50:10 --tune-on synthetic --tune-by pair_f1
     """
     from omnieval.ablation.grid import parse_span
-    from omnieval.ablation.run import check_options, run_plan
+    from omnieval.ablation.run import check_options, check_tuning, drawn, run_plan
     from omnieval.cli.console import progress
     from omnieval.errors import ConfigError
 
@@ -122,14 +148,29 @@ def ablate(
     cut = options.cut(start, stride, limit)
     about = poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
     given = [options.source_with(source, *about) for source in sources or ["synthetic"]]
+    tuning = [source for text in tune_on or () for source in ([text] if "#" in text else text.split(","))]
     settings = options.settings(set_, config, camera)
-    plan = _plan(given, vary, axes, span, chosen, settings, preset, cut, skip_bad)
+    plan = _plan(
+        given,
+        vary,
+        axes,
+        span,
+        chosen,
+        settings,
+        preset,
+        cut,
+        skip_bad,
+        drawn(perturb, replicates),
+        [options.source_with(source, *about) for source in tuning],
+    )
+    check_tuning(plan, tune_by)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)
         return
     with progress("ablating") as report:
         ablation = run_plan(
             plan,
+            tune_by=tune_by,
             jobs=jobs,
             out=out,
             resume=resume,
@@ -155,6 +196,8 @@ def _plan(
     presets: Sequence[str] | None,
     cut: Cut,
     skip_bad: bool,
+    perturbations: Sequence[Perturbation],
+    tune_on: Sequence[str],
 ) -> Plan:
     """Return the plan the options ask for."""
     from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, preset_axes, read_axes
@@ -174,6 +217,8 @@ def _plan(
         preset=named,
         cut=cut,
         skip_bad=skip_bad,
+        perturbations=perturbations,
+        tune_on=tune_on,
     )
 
 
@@ -227,10 +272,15 @@ def _print(ablation: Ablation, plan: Plan, *, json: bool) -> None:
 
     summary = pieces(ablation.table, plan.varied) if plan.exact else best_and_median(ablation.table, plan.varied)
     if json:
-        print_json({"ablation": str(ablation.folder), "summary": summary.to_dicts(), "rows": ablation.table.to_dicts()})
+        chosen = {} if ablation.tuned is None else {"tuned": ablation.tuned.to_dicts()}
+        about = {"ablation": str(ablation.folder), "summary": summary.to_dicts(), **chosen}
+        print_json({**about, "rows": ablation.table.to_dicts()})
     else:
         print(ablation.folder)
         print_table(summary)
+        if ablation.tuned is not None:
+            print()
+            print_table(ablation.tuned)
     if ablation.lacking:
         note(f"batch_silhouette is missing where it could not be computed: {ablation.lacking}; --resume tries it again")
     if ablation.failed:

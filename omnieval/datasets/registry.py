@@ -14,6 +14,8 @@ from typing import cast
 from omnieval.datasets.card_findings import card_findings
 from omnieval.datasets.cold_folders import KNOWN_LAYOUTS, ImageFolders, find_images
 from omnieval.datasets.findings import ROOT, Finding
+from omnieval.datasets.perturbation import OPTIONS as OF_PERTURBATION
+from omnieval.datasets.perturbation import perturbation_apart
 from omnieval.datasets.scan import (
     IMAGE_KINDS,
     Scan,
@@ -68,12 +70,17 @@ def load(
     DatasetError
         If the source is unknown, or the sequence is missing or faulty.
     """
-    found = scan(posed_source(source, poses, poses_tolerance, poses_interpolate))
-    return replace(found, findings=(*found.findings, *card_findings(found))).sequence()
+    asked = posed_source(source, poses, poses_tolerance, poses_interpolate)
+    found = scan(asked)
+    sequence = replace(found, findings=(*found.findings, *card_findings(found))).sequence()
+    perturbation = perturbation_apart(asked)[1] if isinstance(asked, str) else None
+    return perturbation.applied(sequence) if perturbation and perturbation.written else sequence
 
 
 def scan(source: str | Path) -> Scan:
     """Read as much of the sequence as can be understood, and note every fault; see `load`.
+
+    What the source says of a perturbation is passed over: the images are looked at as they lie there.
 
     Raises
     ------
@@ -81,6 +88,7 @@ def scan(source: str | Path) -> Scan:
         If the source is unknown, or has no path.
     """
     if isinstance(source, str):
+        source, _ = perturbation_apart(source)
         bare, options = _options_of_poses(source)
         if options is not None:
             found = with_poses(scan(bare), options)
@@ -181,6 +189,9 @@ def canonical(source: str) -> str:
     DatasetError
         If the source is unknown, or a bare path holds no sequence.
     """
+    source, perturbation = perturbation_apart(source)
+    if perturbation.written:
+        return together(canonical(source), perturbation.written)
     bare, options = _options_of_poses(source)
     if options is not None:
         return together(canonical(bare), options.written)
@@ -199,7 +210,7 @@ def canonical(source: str) -> str:
 
 def place_of(source: str) -> Path | None:
     """Return where a canonical source lies; None for one that lies nowhere."""
-    scheme, _, rest = apart(source, OPTIONS)[0].partition(":")
+    scheme, _, rest = apart(source, (*OPTIONS, *OF_PERTURBATION))[0].partition(":")
     return None if scheme in _WITHOUT_PATH else Path(split(rest)[0] if scheme in STREAMS else rest)
 
 

@@ -45,12 +45,33 @@ class Mirror:
 
 
 @dataclass(frozen=True, slots=True)
+class Disturbance:
+    """What a camera is off by; see `datasets.perturbation`.
+
+    `offset` is by how much the mirror's centre is believed to lie elsewhere, pixels (right, down); `noise` the standard
+    deviation of noise in every pixel, grey levels; `gain` what grey levels are multiplied by; `seed` that of the noise.
+    """
+
+    offset: tuple[float, float] = (0.0, 0.0)
+    noise: float = 0.0
+    gain: float = 1.0
+    seed: int = 0
+
+    @property
+    def of_pixels(self) -> dict[str, float | int] | None:
+        """What determines how pixels are changed, as plain values; None if they are not."""
+        if not self.noise and self.gain == 1.0:
+            return None
+        return {"noise": self.noise, "gain": self.gain, **({"seed": self.seed} if self.noise else {})}
+
+
+@dataclass(frozen=True, slots=True)
 class Camera:
     """What a dataset knows about its images before one is read.
 
     `auto` means that the images themselves decide; `mirror` None means that it has to be estimated from the
     images. `belt` are the rows of panoramas to use (`datasets.belt`), `mask` an image file that is white where the
-    scene is seen (`imaging.mask`), `told_by` the file that says so, in words.
+    scene is seen (`imaging.mask`), `told_by` the file that says so, in words, `disturbance` what it is off by.
     """
 
     kind: Literal["omnidirectional", "panoramic", "auto"] = "auto"
@@ -58,6 +79,7 @@ class Camera:
     belt: str | None = None
     mask: Path | None = None
     told_by: str = field(default="", compare=False)
+    disturbance: Disturbance | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +139,8 @@ class Sequence:
         (width, height) of its images in pixels, as the data card says; None if it does not.
     cut_from
         (start, stride, limit) that cut this sequence out of the whole one at once, (0, 1, None) for the whole.
+    perturbation
+        What was changed of it (`datasets.perturbation`), as its source says it; empty if nothing was.
     """
 
     name: str
@@ -129,6 +153,7 @@ class Sequence:
     findings: tuple[Finding, ...] = ()
     expected_size: tuple[int, int] | None = None
     cut_from: _Cut = (0, 1, None)
+    perturbation: str = ""
 
     FIRST_FRAMES = 64
 

@@ -26,6 +26,8 @@ DATABASE = "descriptors-3.sqlite"
 """Name of the file within the cache folder; the number is that of its tables."""
 _PANORAMA = ("omnieval.imaging.decode", "omnieval.imaging.unwrap", "omnieval.imaging.mask")
 """The modules that make a panorama of the bytes of an image."""
+_DISTURBED = ("omnieval.imaging.disturb", "omnieval.seeding")
+"""Those that change its pixels before, if they are to be changed."""
 _TABLES = """
 CREATE TABLE IF NOT EXISTS files (path TEXT PRIMARY KEY, state TEXT, digest TEXT) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS descriptions (
@@ -47,7 +49,8 @@ def description_key(camera: dict[str, Any], descriptor: dict[str, Any], bits: in
     bits
         How many of 16 bits a channel the images use, None if they have fewer.
     """
-    code = [module_digest(module) for module in _PANORAMA]
+    modules = (*_PANORAMA, *(_DISTURBED if "disturbance" in camera else ()))
+    code = [module_digest(module) for module in modules]
     depth = {} if bits is None else {"bits": bits}
     return digest_of({"camera": camera, "panorama": code, "descriptor": descriptor, **depth})
 

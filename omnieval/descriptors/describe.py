@@ -18,6 +18,7 @@ from omnieval.descriptors.description import Description, Descriptor, MaskedDesc
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
+from omnieval.imaging.disturb import disturbed
 from omnieval.imaging.glance import file_state
 
 _WORKERS = 2
@@ -92,7 +93,9 @@ class Describer:
         except OSError:
             state = None  # whoever reads it says what is wrong
         data = frame.read()
-        panorama = self._camera.panorama(decode_grey(data, where, frame.bits), where=where)
+        digest = image_digest(data)
+        grey = disturbed(decode_grey(data, where, frame.bits), self._camera.disturbance, digest)
+        panorama = self._camera.panorama(grey, where=where)
         try:
             description = self._describe_seen(panorama)
         except OmnievalError:
@@ -100,7 +103,7 @@ class Describer:
         except Exception as error:  # whatever the code of others raises
             fault = " ".join(f"{type(error).__name__}: {error}".split())
             raise ConfigError(f"the descriptor {self._name} failed on image {where}: {fault}") from error
-        return state, DescribedFrame(description, image_digest(data))
+        return state, DescribedFrame(description, digest)
 
     def _describe_seen(self, panorama: NDArray[np.uint8]) -> Description:
         mask = self._camera.panorama_mask

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnieval.datasets.belt import Belt, check_belt, parse_belt
 from omnieval.datasets.findings import ROOT, Finding
-from omnieval.datasets.sequence import Mirror, Sequence
+from omnieval.datasets.sequence import Disturbance, Mirror, Sequence
 from omnieval.errors import ConfigError, DatasetError, ResultError
 from omnieval.imaging.calibrate import MirrorEstimate
 from omnieval.imaging.glance import Notebook, image_size, seen_mirror
@@ -53,6 +53,8 @@ class CameraModel:
         What is odd about the camera, or not known for certain.
     told
         Whether somebody says all of it; else something was found out from the images.
+    disturbance
+        How pixels are changed before anything is made of them; None if they are not.
     """
 
     kind: Kind
@@ -65,6 +67,7 @@ class CameraModel:
     mask: MaskFile | None = field(default=None, compare=False)
     findings: tuple[Finding, ...] = field(default=(), compare=False)
     told: bool = field(default=True, compare=False)
+    disturbance: Disturbance | None = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -75,6 +78,8 @@ class CameraModel:
             settings["belt"] = [self.belt.top, self.belt.bottom]
         if self.mask is not None:
             settings["mask"] = self.mask.digest
+        if self.disturbance is not None and (changes := self.disturbance.of_pixels):
+            settings["disturbance"] = changes
         return settings
 
     @property
@@ -133,7 +138,8 @@ def camera_of(about: Mapping[str, Any], size: tuple[int, int]) -> CameraModel:
     mask = load_mask(Path(about["mask_file"]), size) if "mask" in about else None
     if mask is not None and mask.digest != about["mask"]:
         raise ResultError(f"the mask {shown(about['mask_file'])} is not the one that was replayed; replay it again")
-    return CameraModel(about["kind"], mirror, about["rows"], about["columns"], about["origin"], size, belt, mask)
+    camera = CameraModel(about["kind"], mirror, about["rows"], about["columns"], about["origin"], size, belt, mask)
+    return replace(camera, disturbance=Disturbance(**about["disturbance"])) if "disturbance" in about else camera
 
 
 def camera_in_words(about: Mapping[str, Any]) -> str:
@@ -182,6 +188,7 @@ def resolve_camera(sequence: Sequence, config: ImagingConfig, notebook: Notebook
     size = image_size(sequence, notebook)
     kind, why = _kind(sequence, config, given, size, notebook)
     belt = config.belt or (sequence.camera.belt if kind == "panoramic" else None)
+    disturbance = sequence.camera.disturbance
     mask_file = Path(config.mask) if config.mask is not None else sequence.camera.mask
     mask = None if mask_file is None else load_mask(mask_file, size)
     if kind == "panoramic":
@@ -191,15 +198,23 @@ def resolve_camera(sequence: Sequence, config: ImagingConfig, notebook: Notebook
         if rows is not None:
             check_belt(rows, size)
         camera = CameraModel("panoramic", None, config.rows, config.columns, why, size, rows, mask)
+        if disturbance is not None and any(disturbance.offset):
+            raise ConfigError(
+                f"{shown(sequence.source)} has panoramas, and no mirror that could lie elsewhere; leave mirror out"
+            )
         told = config.kind != "auto" or sequence.camera.kind != "auto"
-        return replace(camera, findings=tuple(_panoramic_findings(camera)), told=told)
+        findings = tuple(_panoramic_findings(camera))
+        return replace(camera, findings=findings, told=told, disturbance=disturbance)
     if config.belt is not None:
         raise ConfigError("imaging.belt is for panoramas; the belt of a mirror lies between imaging.r_in and r_out")
     mirror, origin, findings = _mirror(sequence, given, notebook)
+    if disturbance is not None and any(disturbance.offset):
+        mirror = replace(mirror, cx=mirror.cx + disturbance.offset[0], cy=mirror.cy + disturbance.offset[1])
+        origin += ", moved by the perturbation"
     _check(mirror, origin, size)
     camera = CameraModel("omnidirectional", mirror, config.rows, config.columns, origin, size, None, mask)
     told = len(given) == 4 or sequence.camera.mirror is not None
-    return replace(camera, findings=findings, told=told)
+    return replace(camera, findings=findings, told=told, disturbance=disturbance)
 
 
 def _kind(

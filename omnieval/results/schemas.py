@@ -156,18 +156,21 @@ def parameter_type(field: FieldInfo) -> str:
 def ablation_schema(parameters: Mapping[str, str]) -> pl.Schema:
     """Return the columns of an ablation whose components have these parameters, by name, with their types in words.
 
-    One row a run, in the order of its grid (`job`): the source, mapper and descriptor, every parameter (null where the
-    row's components have none of that name), the metrics of a run, the silhouette of batch spectral clustering with as
-    many clusters as the map has nodes, the smallest margin, where it was, the seconds of mapping, and the error of a
-    run that failed (its other results are null). What runs have in common is computed once, and its seconds are divided
-    among them. With `exact`, the name of a parameter, a row holds for all its values from `exact_from` up to below
-    `exact_to` (the last row of an interval up to and with it); else these are null.
+    One row a run, in the order of its grid (`job`): the source, what was perturbed of it and as which replicate (null
+    if nothing was), mapper and descriptor, every parameter (null where the row's components have none of that name),
+    the metrics of a run, the silhouette of batch spectral clustering with as many clusters as the map has nodes, the
+    smallest margin, where it was, the seconds of mapping, and the error of a run that failed (its other results are
+    null). What runs have in common is computed once, and its seconds are divided among them. With `exact`, the name
+    of a parameter, a row holds for all its values from `exact_from` up to below `exact_to` (the last row of an
+    interval up to and with it); else these are null.
     """
     return table_schema(
         {
             "job": pl.Int32,
             "dataset": pl.String,
             "source": pl.String,
+            "perturbation": pl.String,
+            "replicate": pl.Int32,
             "mapper": pl.String,
             "descriptor": pl.String,
             **{name: _PARAMETER_TYPES[kind] for name, kind in parameters.items()},

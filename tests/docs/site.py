@@ -42,6 +42,11 @@ STANDS_FOR = {
     "n_new=10:40:10": "n_new=10,20",
     # Processes start slowly; that they change nothing is tested elsewhere.
     "--jobs 2": "--jobs 1",
+    "--replicates 20": "--replicates 2",
+    # Of the few images there most must stay.
+    "start=0:30": "start=0:3",
+    "stride=1:2": "stride=1:1",
+    "start=12": "start=2",
     ", jobs=2)": ")",
     "runs/house": "runs/mine",
     # The first images of the building are all of one room.
