@@ -131,9 +131,9 @@ def ablate(
 
       omnieval ablate --preset figures-9-10 --out runs/figures --resume
 
-      omnieval ablate --replicates 20 --perturb start=0:30,mirror=1,noise=2,reverse
+      omnieval ablate --replicates 20 --perturb start=0:30,mirror=1,noise=2
 
-      omnieval ablate synthetic:night --vary n_new=10:50:10 --tune-on synthetic --tune-by pair_f1
+      omnieval ablate synthetic:night --vary n_new=10:50:10 --tune-on synthetic
     """
     from omnieval.ablation.grid import parse_span
     from omnieval.ablation.run import check_options, check_tuning, drawn, run_plan

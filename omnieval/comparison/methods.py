@@ -37,10 +37,13 @@ class Group:
         The values of what runs are grouped by.
     records
         The runs.
+    by
+        What they are grouped by.
     """
 
     key: tuple[Any, ...]
     records: tuple[Record, ...]
+    by: tuple[str, ...]
 
     @property
     def name(self) -> str:
@@ -52,7 +55,8 @@ class Group:
         found: dict[tuple[Any, ...], list[float | None]] = {}
         for record in self.records:
             value = record.metrics.get(metric) if record.finished else None
-            found.setdefault(record.case, []).append(None if value is None else float(value))
+            case = *record.case, *(record.labels[name] for name in record.varied if name not in self.by)
+            found.setdefault(case, []).append(None if value is None else float(value))
         whole = {
             case: [one for one in values if one is not None] for case, values in found.items() if None not in values
         }
@@ -144,7 +148,7 @@ def compare_methods(
     grouped: dict[tuple[Any, ...], list[Record]] = {}
     for record in records:
         grouped.setdefault(tuple(record.labels.get(name) for name in by), []).append(record)
-    groups = tuple(Group(key, tuple(some)) for key, some in grouped.items())
+    groups = tuple(Group(key, tuple(some), tuple(by)) for key, some in grouped.items())
     estimates, differences, ranks, lacking = [], [], [], []
     for metric in metrics:
         # A run that does not have the metric at all, such as one that localises nothing, is none of its runs.
@@ -183,7 +187,7 @@ def _check(names: Sequence[str], known: set[str], what: str) -> None:
 
 def _having(group: Group, metric: str) -> Group | None:
     own = tuple(one for one in group.records if not one.finished or metric in one.metrics)
-    return Group(group.key, own) if any(one.finished for one in own) or own == group.records else None
+    return Group(group.key, own, group.by) if any(one.finished for one in own) or own == group.records else None
 
 
 def _estimate(group: Group, metric: str, values: Mapping[tuple[Any, ...], float], seed: int) -> GroupEstimate:

@@ -42,6 +42,8 @@ class Record:
         What was run: dataset, source, mapper, descriptor, strategy, parameters.
     case
         The images it was run on; runs of two methods on one case are a pair.
+    varied
+        Names of labels that are varied for all runs beside it: equal in a pair, unless they tell the methods apart.
     metrics
         Its results, null where a metric has no value; empty if it did not finish.
     finished
@@ -54,6 +56,7 @@ class Record:
     case: tuple[Any, ...]
     metrics: Mapping[str, float | int | None]
     finished: bool
+    varied: tuple[str, ...] = ()
     within: Callable[[str], Estimate | None] = field(default=lambda metric: None, compare=False)
 
 
@@ -82,7 +85,7 @@ def read_records(folders: Iterable[Path]) -> list[Record]:
 
 
 def ablation_records(table: pl.DataFrame, varied: Iterable[str]) -> list[Record]:
-    """Return the rows of an ablation (`schemas.ablation_schema`); what is varied for all of them is part of the case.
+    """Return the rows of an ablation (`schemas.ablation_schema`).
 
     Parameters
     ----------
@@ -97,9 +100,10 @@ def ablation_records(table: pl.DataFrame, varied: Iterable[str]) -> list[Record]
     return [
         Record(
             labels={name: row[name] for name in labels},
-            case=(row["source"], *((name, row[name]) for name in shared)),
+            case=(row["source"],),
             metrics={} if row["error"] else {name: row[name] for name in _RESULTS if name in row},
             finished=row["error"] is None,
+            varied=tuple(shared),
         )
         for row in table.iter_rows(named=True)
     ]

@@ -64,6 +64,18 @@ def test_several_runs_on_one_case_are_one_value_and_none_if_one_failed():
     assert (estimate.finished, estimate.runs) == (3, 4)
 
 
+def test_what_is_varied_is_paired_unless_it_tells_the_methods_apart():
+    some = [
+        Record({"mapper": mapper, "omega": omega}, ("a",), {"pair_f1": value}, True, ("omega",))
+        for mapper, omega, value in (("m", 1, 0.1), ("m", 2, 0.4), ("n", 1, 0.2), ("n", 2, 0.8))
+    ]
+    (mappers,) = compare_methods(some, ["mapper"], ["pair_f1"]).differences
+    assert mappers.difference.mean.n == 2  # at either omega
+    (omegas,) = compare_methods(some, ["omega"], ["pair_f1"]).differences
+    assert omegas.difference.mean.n == 1  # on the one sequence, the mean over the mappers
+    assert omegas.difference.mean.value == pytest.approx(0.15 - 0.6)
+
+
 def test_the_order_of_runs_is_of_no_account():
     one = as_plain(compare_methods(runs(THREE), ["mapper"], ["pair_f1"]))
     other = as_plain(compare_methods(runs(dict(reversed(THREE.items()))), ["mapper"], ["pair_f1"]))
