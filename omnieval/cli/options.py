@@ -105,7 +105,8 @@ PosesTolerance = Annotated[
     typer.Option(
         "--poses-tolerance",
         min=0,
-        help="How far an image may be from its pose in time; default half the median interval between images.",
+        help="How far an image may be from its pose in time; default half the median interval between images, from "
+        "those of a topic 0.1 s.",
         metavar="SECONDS",
     ),
 ]
@@ -114,7 +115,8 @@ PosesInterpolate = Annotated[
     typer.Option(
         "--poses-interpolate",
         min=0,
-        help="Interpolate between poses that are at most so far apart in time; default not at all.",
+        help="Interpolate between poses that are at most so far apart in time; default not at all, between those of a "
+        "topic 1 s.",
         metavar="SECONDS",
     ),
 ]

@@ -176,8 +176,10 @@ def posed_source(
 
 
 def _options_of_poses(source: str) -> tuple[str, PoseOptions | None]:
-    """Return a source without what it says of poses, and that; None if it says nothing."""
+    """Return a source without what it says of poses, and that; None if it says nothing, or speaks of a topic."""
     bare, given = apart(source, OPTIONS)
+    if given and "poses" not in given and "pose-topic" in split(bare)[1]:
+        return source, None
     return (bare, PoseOptions.of(given, source)) if given else (source, None)
 
 

@@ -14,10 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omnieval.datasets.scan import canonical_path, exists
+from omnieval.datasets.trajectory.between import Joining
 from omnieval.errors import DatasetError
 from omnieval.wording import did_you_mean, shown
 
-STREAMS: Mapping[str, tuple[str, ...]] = {"video": ("every",), "bag": ("topic", "pose-topic", "pose-frame", "every")}
+STREAMS: Mapping[str, tuple[str, ...]] = {
+    "video": ("every",),
+    "bag": ("topic", "pose-topic", "pose-frame", "every", "poses-tolerance", "poses-interpolate"),
+}
 """Schemes that have options, and these in the order in which they are written."""
 
 _MARK = "#"
@@ -54,6 +58,11 @@ class Address:
         return Address(self.scheme, self.path, kept)
 
     @property
+    def joining(self) -> Joining:
+        """How poses of a topic come to the images."""
+        return Joining.of(self.options, self.source)
+
+    @property
     def every(self) -> int:
         """Of how many images one is taken."""
         return int(self.options.get("every", 1))
@@ -83,6 +92,7 @@ def parse(scheme: str, rest: str) -> Address:
             raise DatasetError(f"option {name} of {scheme}:{shown(rest)} has no value; write {name}=VALUE")
     if "every" in given:
         given["every"] = _whole_number(given["every"], f"{scheme}:{shown(rest)}")
+    given |= Joining.of(given, f"{scheme}:{rest}").written
     options = {name: given[name] for name in known if name in given and (name, given[name]) != ("every", "1")}
     return Address(scheme, canonical_path(path), options)
 

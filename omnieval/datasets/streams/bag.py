@@ -18,9 +18,10 @@ from omnieval.datasets.streams.names import bag_files
 from omnieval.datasets.streams.rosbag import Bag, Message, Topic, opened
 from omnieval.datasets.streams.scan import NO_POSES, scan_stream
 from omnieval.datasets.streams.store import Contents
-from omnieval.datasets.streams.trajectory import Track, Tree, poses_at
+from omnieval.datasets.streams.trajectory import BY_DEFAULT, Track, Tree, poses_at
+from omnieval.datasets.trajectory.between import Joining
 from omnieval.errors import DatasetError
-from omnieval.wording import shown
+from omnieval.wording import counted, shown
 
 _RAW, _COMPRESSED = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
 _IMAGES = {_RAW, _COMPRESSED}
@@ -75,8 +76,8 @@ def _locate(address: Address, images: Contents) -> Contents:
     stamped = all(finding.code != _RECORDED for finding in images.findings)
     with opened(address.path) as bag:
         topic = _named(bag, address.options["pose-topic"], _pose_topics(bag), "poses", "--pose-topic")
-        poses = _poses(bag, topic, address.options.get("pose-frame"), times, stamped=stamped)
-    return Contents(findings=tuple(_lacking(poses, topic)), poses=tuple(poses))
+        poses = _poses(bag, topic, address, times, stamped=stamped)
+    return Contents(findings=tuple(_about(poses, topic, address.joining)), poses=tuple(poses))
 
 
 def _image_topic(bag: Bag, name: str | None) -> Topic:
@@ -163,19 +164,25 @@ def _no_poses(bag: Bag) -> Finding:
     return Finding("info", NO_POSES, ROOT, message)
 
 
-def _lacking(poses: Sequence[Pose | None], topic: Topic) -> list[Finding]:
-    lacking = sum(pose is None for pose in poses)
-    if not lacking:
-        return []
-    message = f"{topic.name} has no pose near {lacking} of {len(poses)} images in time"
-    return [Finding("warning", "image-without-pose", ROOT, message)]
+def _about(poses: Sequence[Pose | None], topic: Topic, how: Joining) -> list[Finding]:
+    """Say how the poses of a topic came to the images, and how many have none."""
+    how = how.or_else(BY_DEFAULT)
+    known = sum(pose is not None for pose in poses)
+    message = (
+        f"{topic.name} ({topic.kind}), joined by time: between neighbours at most {how.interpolate_s:g} s apart, else "
+        f"the nearest within {how.tolerance_s:g} s: {known} of {counted(len(poses), 'image')}"
+    )
+    lacking = f"{topic.name} has no pose near {len(poses) - known} of {len(poses)} images in time"
+    findings = [Finding("info", "poses-read", ROOT, message)]
+    return findings if known == len(poses) else [*findings, Finding("warning", "image-without-pose", ROOT, lacking)]
 
 
-def _poses(bag: Bag, topic: Topic, frame: str | None, times: list[int], *, stamped: bool) -> list[Pose | None]:
+def _poses(bag: Bag, topic: Topic, address: Address, times: list[int], *, stamped: bool) -> list[Pose | None]:
     """Return the pose at each time; times are those of headers if `stamped`, else of recording."""
+    frame = address.options.get("pose-frame")
     if topic.kind in _TRANSFORMS:
         tree = _tree(bag, topic, stamped=stamped)
-        return tree.poses_at(_body(tree, frame, topic), times)
+        return tree.poses_at(_body(tree, frame, topic), times, address.joining)
     if frame is not None:
         raise DatasetError(f"--pose-frame is for topics of transforms; {topic.name} is of type {topic.kind}")
     place = _POSES[topic.kind]
@@ -183,7 +190,7 @@ def _poses(bag: Bag, topic: Topic, frame: str | None, times: list[int], *, stamp
         _sample(message, message.content, place(message.content), stamped=stamped)
         for message in bag.messages({topic.name})
     ]
-    return poses_at(Track.of(samples), times)
+    return poses_at(Track.of(samples), times, address.joining)
 
 
 def _tree(bag: Bag, topic: Topic, *, stamped: bool) -> Tree:

@@ -20,7 +20,7 @@ from omnieval.wording import safe_name
 NO_POSES = "no-poses"
 """The finding that nothing tells where images were taken."""
 _LOG = logging.getLogger("omnieval")
-_OF_POSES = ("pose-topic", "pose-frame")
+_OF_POSES = ("pose-topic", "pose-frame", "poses-tolerance", "poses-interpolate")
 """Options that decide where images were taken, but not which they are."""
 
 

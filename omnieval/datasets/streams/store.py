@@ -27,7 +27,7 @@ if sys.platform != "win32":
     import fcntl
 
 INDEX = "index.json"
-_VERSION = 2
+_VERSION = 3
 """Of what is decoded and how: a folder of another version is not looked at."""
 
 

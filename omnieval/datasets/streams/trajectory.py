@@ -9,14 +9,15 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from omnieval.datasets.sequence import Pose
+from omnieval.datasets.trajectory.between import Joining, neighbours
 
-LONGEST_GAP_NS = 1_000_000_000
-"""Between two poses that are further apart in time nobody knows where the robot was."""
-TOLERANCE_NS = 100_000_000
-"""Before the first pose and after the last, that one is taken if it is no further away in time."""
+BY_DEFAULT = Joining(tolerance_s=0.1, interpolate_s=1.0)
+"""How poses of a topic come to images: messages are frequent, and seldom of the moment of an image."""
+_NO_ROTATION = 1e-6
+"""Quaternions of a smaller norm are none."""
 
 
 @dataclass(frozen=True)
@@ -46,50 +47,46 @@ class Track:
         rotations = np.array([known[time][1] for time in times], np.float64).reshape(-1, 4)
         return cls(np.array(times, np.int64), places, rotations)
 
-    def at(self, times: NDArray[np.int64], *, always: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return places, shape (m, 3), and rotations, shape (m, 4), at `times`; NaN where the pose is not known.
+    def at(
+        self, moments: NDArray[np.int64], how: Joining, *, always: bool = False
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return places, shape (m, 3), and rotations, shape (m, 4), at moments; NaN where the pose is not known.
 
-        Places are interpolated linearly, rotations along the shortest turn.
+        Between two poses places are on the straight line, rotations on the shortest turn; zero where one is not known.
 
         Parameters
         ----------
-        times
+        moments
             Shape (m,), nanoseconds.
+        how
+            Which poses tell; what it leaves open is as `BY_DEFAULT`.
         always
             The pose never changes: its first holds at any time.
         """
-        count = len(times)
-        if len(self.times) == 0:
-            return np.full((count, 3), np.nan), np.full((count, 4), np.nan)
-        if always:
-            return np.repeat(self.places[:1], count, axis=0), np.repeat(self.rotations[:1], count, axis=0)
-        within = np.clip(times, self.times[0], self.times[-1])
-        after = np.searchsorted(self.times, within)  # the first that is not before
-        before = np.where(self.times[after] == within, after, after - 1)
-        gap = self.times[after] - self.times[before]
-        share = np.where(gap > 0, (within - self.times[before]) / np.maximum(gap, 1), 0.0)
-        places = self.places[before] + share[:, None] * (self.places[after] - self.places[before])
-        rotations = self._turned(within)
-        unknown = (gap > LONGEST_GAP_NS) | (np.abs(times - within) > TOLERANCE_NS)
-        places[unknown] = np.nan
-        rotations[unknown] = np.nan
+        if always and len(self.times):
+            return np.repeat(self.places[:1], len(moments), axis=0), np.repeat(self.rotations[:1], len(moments), axis=0)
+        how = how.or_else(BY_DEFAULT)
+        by = neighbours(moments, self.times, how.tolerance_s or 0.0, how.interpolate_s)
+        places, rotations = np.full((len(moments), 3), np.nan), np.full((len(moments), 4), np.nan)
+        before, after, share = by.before[by.known], by.after[by.known], by.share[by.known]
+        places[by.known] = self.places[before] + share[:, None] * (self.places[after] - self.places[before])
+        rotations[by.known] = _turned(self.rotations[before], self.rotations[after], share)
         return places, rotations
 
-    def _turned(self, times: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the rotations at times within the track; zero everywhere if one of them is not known."""
-        if (np.linalg.norm(self.rotations, axis=1) < 1e-6).any():
-            return np.zeros((len(times), 4))
-        if len(self.times) == 1:
-            return np.repeat(self.rotations, len(times), axis=0)
-        start = self.times[0]  # seconds since the epoch leave a double too few digits
-        turn = Slerp((self.times - start).astype(np.float64), Rotation.from_quat(self.rotations))
-        turned: NDArray[np.float64] = turn((times - start).astype(np.float64)).as_quat()
-        return turned
+
+def _turned(one: NDArray[np.float64], other: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotations on the way from some to others, shape (n, 4); zero where one of two is not known."""
+    known = np.minimum(np.linalg.norm(one, axis=1), np.linalg.norm(other, axis=1)) > _NO_ROTATION
+    turned = np.zeros_like(one)
+    first = Rotation.from_quat(one[known])
+    turn = (first.inv() * Rotation.from_quat(other[known])).as_rotvec()
+    turned[known] = (first * Rotation.from_rotvec(share[known, None] * turn)).as_quat()
+    return turned
 
 
-def poses_at(track: Track, times: Sequence[int]) -> list[Pose | None]:
-    """Return the pose in the plane at each time, None where it is not known; yaw is NaN if no rotation is known."""
-    return _in_plane(*track.at(np.array(times, np.int64)))
+def poses_at(track: Track, moments: Sequence[int], how: Joining) -> list[Pose | None]:
+    """Return the pose in the plane at each moment, None where it is not known; yaw is NaN if no rotation is known."""
+    return _in_plane(*track.at(np.array(moments, np.int64), how))
 
 
 @dataclass(frozen=True)
@@ -127,15 +124,15 @@ class Tree:
             path.insert(0, parent)
         return path
 
-    def poses_at(self, frame: str, times: Sequence[int]) -> list[Pose | None]:
+    def poses_at(self, frame: str, times: Sequence[int], how: Joining) -> list[Pose | None]:
         """Return the pose in the plane of `frame` within the root at each time, None where it is not known."""
         moments = np.array(times, np.int64)
         place = np.zeros((len(moments), 3))
         turn = Rotation.identity(len(moments))
         path = self.path(frame)
         for edge in pairwise(path):
-            places, rotations = self.tracks[edge].at(moments, always=edge in self.fixed)
-            known = np.isfinite(rotations).all(axis=1) & (np.linalg.norm(rotations, axis=1) > 1e-6)
+            places, rotations = self.tracks[edge].at(moments, how, always=edge in self.fixed)
+            known = np.isfinite(rotations).all(axis=1) & (np.linalg.norm(rotations, axis=1) > _NO_ROTATION)
             place = place + turn.apply(places)
             place[~known] = np.nan
             turn = turn * Rotation.from_quat(np.where(known[:, None], rotations, (0.0, 0.0, 0.0, 1.0)))
@@ -152,7 +149,7 @@ def _in_plane(places: NDArray[np.float64], rotations: NDArray[np.float64]) -> li
 def _yaw(x: float, y: float, z: float, w: float) -> float:
     """Return the yaw of a quaternion of any length in (-pi, pi], radians; NaN for zero."""
     norm = math.hypot(x, y, z, w)
-    if not norm > 1e-6:
+    if not norm > _NO_ROTATION:
         return math.nan
     yaw = math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return math.pi if yaw <= -math.pi else yaw

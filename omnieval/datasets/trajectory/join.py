@@ -5,39 +5,23 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from statistics import median
 
+import numpy as np
+
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.sequence import Frame, Pose, wrapped
+from omnieval.datasets.trajectory.between import SAME_MOMENT_NS, Joining, neighbours
 from omnieval.datasets.trajectory.read import Fix, Track
 from omnieval.wording import counted, shown
 
 _ENDING = re.compile(r"\.[a-z][a-z0-9]{1,4}$")
-_SAME_MOMENT_NS = 1_000_000
-"""Times no further apart are those of one moment, written with other digits."""
 _USUAL_INTERVAL_NS = 200_000_000
 """Between images of which there are too few to tell."""
-
-
-@dataclass(frozen=True)
-class Joining:
-    """How poses come to images.
-
-    Attributes
-    ----------
-    tolerance_s
-        How far an image may be from its pose in time, seconds; None for half the median interval between images.
-    interpolate_s
-        Poses that are no further apart, seconds, are interpolated between; None to interpolate nothing.
-    """
-
-    tolerance_s: float | None = None
-    interpolate_s: float | None = None
 
 
 def joined(frames: Sequence[Frame], track: Track, how: Joining) -> tuple[list[Frame], list[Finding]]:
@@ -96,18 +80,10 @@ def unposed(frames: Iterable[Frame], message: str) -> list[Finding]:
 
 def interpolated(frames: Sequence[Frame], longest_s: float) -> tuple[list[Frame], list[Finding]]:
     """Return the frames, those without a pose between neighbours that have one, at most so many seconds apart."""
-    known = sorted(
-        (f.time_ns, f.pose) for f in frames if f.pose is not None and f.time_ns is not None and _finite(f.pose)
-    )
-    timeline = _Timeline(known)
-    found: list[Frame] = []
-    for frame in frames:
-        pose = None
-        if frame.pose is None and frame.time_ns is not None:
-            pose = timeline.between(frame.time_ns, longest_s)
-        found.append(frame if pose is None else replace(frame, pose=pose))
-    count = sum(one is not other for one, other in zip(found, frames, strict=True))
-    return found, _said_of_interpolated(count, longest_s)
+    known = [(f.time_ns, f.pose) for f in frames if f.pose is not None and f.time_ns is not None and _finite(f.pose)]
+    poses, _ = _at([None if frame.pose else frame.time_ns for frame in frames], known, 0.0, longest_s)
+    found = [frame if pose is None else replace(frame, pose=pose) for frame, pose in zip(frames, poses, strict=True)]
+    return found, _said_of_interpolated(sum(pose is not None for pose in poses), longest_s)
 
 
 def _said_of_interpolated(count: int, longest_s: float) -> list[Finding]:
@@ -119,35 +95,29 @@ def _said_of_interpolated(count: int, longest_s: float) -> list[Finding]:
     return [Finding("info", "poses-interpolated", ".", message)]
 
 
-class _Timeline:
-    """Poses in the order of their times, nanoseconds."""
+def _at(
+    moments: Sequence[int | None], known: Sequence[tuple[int, Pose]], tolerance_s: float, interpolate_s: float | None
+) -> tuple[list[Pose | None], int]:
+    """Return the pose at each moment by `between.neighbours`, and how many of them lie between two of the known.
 
-    def __init__(self, known: Sequence[tuple[int, Pose]]) -> None:
-        self._known = known
-        self._times = [time for time, _ in known]
+    Between two the position is on the straight line from one to the other, the heading on the shorter arc.
+    """
+    known = sorted(known, key=lambda one: one[0])
+    asked = [index for index, moment in enumerate(moments) if moment is not None]
+    times = np.array([time for time, _ in known], np.int64)
+    by = neighbours(np.array([moments[index] for index in asked], np.int64), times, tolerance_s, interpolate_s)
+    poses: list[Pose | None] = [None] * len(moments)
+    for index, before, after, share in zip(asked, by.before, by.after, by.share.tolist(), strict=True):
+        if before >= 0:
+            poses[index] = _on_the_way(known[before][1], known[after][1], share)
+    return poses, by.between
 
-    def nearest(self, time: int) -> tuple[int, Pose] | None:
-        """Return how far away in time the nearest pose is, nanoseconds, and it."""
-        at = bisect_left(self._times, time)
-        near = self._known[max(0, at - 1) : at + 1]
-        return min(((abs(other - time), pose) for other, pose in near), key=lambda one: one[0], default=None)
 
-    def between(self, time: int, longest_s: float) -> Pose | None:
-        """Return the pose at a time between two that are at most so many seconds apart; None if there are none.
-
-        The position is on the straight line between them, the heading on the shorter arc.
-        """
-        at = bisect_left(self._times, time)
-        if not 0 < at < len(self._times):
-            return None
-        (before, one), (after, other) = self._known[at - 1], self._known[at]
-        if after - before > longest_s * 1e9:
-            return None
-        share = (time - before) / (after - before)
-        turn = math.remainder(other.yaw - one.yaw, math.tau) if _both_look(one, other) else math.nan
-        return Pose(
-            one.x + share * (other.x - one.x), one.y + share * (other.y - one.y), wrapped(one.yaw + share * turn)
-        )
+def _on_the_way(one: Pose, other: Pose, share: float) -> Pose:
+    if one is other:
+        return Pose(one.x, one.y, wrapped(one.yaw))
+    turn = math.remainder(other.yaw - one.yaw, math.tau) if _both_look(one, other) else math.nan
+    return Pose(one.x + share * (other.x - one.x), one.y + share * (other.y - one.y), wrapped(one.yaw + share * turn))
 
 
 def _both_look(one: Pose, other: Pose) -> bool:
@@ -172,34 +142,19 @@ def _untimed(fix: Fix | None) -> bool:
 
 def _by_time(frames: Sequence[Frame], track: Track, how: Joining) -> tuple[list[Frame], list[Finding], str]:
     """Return the frames with the poses nearest in time, or between neighbours, what is wrong, and how that was done."""
-    fixes = sorted(
-        ((fix.time_ns, fix) for fix in track.fixes if fix.time_ns is not None and fix.pose and _finite(fix.pose)),
-        key=lambda one: one[0],
-    )
-    timeline = _Timeline([(time, fix.pose) for time, fix in fixes if fix.pose is not None])
+    known = [
+        (fix.time_ns, fix.pose) for fix in track.fixes if fix.time_ns is not None and fix.pose and _finite(fix.pose)
+    ]
     if how.tolerance_s is not None:
-        tolerance = how.tolerance_s * 1e9
-    elif how.interpolate_s is not None:
-        tolerance = float(_SAME_MOMENT_NS)
+        tolerance_s = how.tolerance_s
     else:
-        tolerance = _half_interval_ns(frames)
-    posed: list[Frame] = []
-    between = 0
-    for frame in frames:
-        pose = None
-        if frame.time_ns is not None:
-            near = timeline.nearest(frame.time_ns)
-            pose = near[1] if near is not None and near[0] <= min(tolerance, _SAME_MOMENT_NS) else None
-            if pose is None and how.interpolate_s is not None:
-                pose = timeline.between(frame.time_ns, how.interpolate_s)
-                between += pose is not None
-            if pose is None and near is not None and near[0] <= tolerance:
-                pose = near[1]
-        posed.append(frame if pose is None else replace(frame, pose=Pose(pose.x, pose.y, wrapped(pose.yaw))))
-    if all(frame.pose is None for frame in posed):
-        return posed, [_nothing(track, *_times_in_words(frames, [time for time, _ in fixes], tolerance))], ""
+        tolerance_s = (SAME_MOMENT_NS if how.interpolate_s is not None else _half_interval_ns(frames)) / 1e9
+    poses, between = _at([frame.time_ns for frame in frames], known, tolerance_s, how.interpolate_s)
+    posed = [frame if pose is None else replace(frame, pose=pose) for frame, pose in zip(frames, poses, strict=True)]
+    if all(pose is None for pose in poses):
+        return posed, [_nothing(track, *_times_in_words(frames, sorted(time for time, _ in known), tolerance_s))], ""
     said = _said_of_interpolated(between, how.interpolate_s or 0.0)
-    return posed, said, f"by time (within {tolerance / 1e9:.3g} s)"
+    return posed, said, f"by time (within {tolerance_s:.3g} s)"
 
 
 def _half_interval_ns(frames: Sequence[Frame]) -> float:
@@ -208,14 +163,14 @@ def _half_interval_ns(frames: Sequence[Frame]) -> float:
     return (median(intervals) if intervals else _USUAL_INTERVAL_NS) / 2
 
 
-def _times_in_words(frames: Sequence[Frame], fixes: Sequence[int], tolerance_ns: float) -> tuple[str, str]:
+def _times_in_words(frames: Sequence[Frame], fixes: Sequence[int], tolerance_s: float) -> tuple[str, str]:
     times = sorted(frame.time_ns for frame in frames if frame.time_ns is not None)
     if not fixes:
         return "it has no pose with a time", "give one a row"
     theirs = f"its times are {_span(fixes)}, those of the images {_span(times)}"
     if fixes[-1] < times[0] or times[-1] < fixes[0]:
         return theirs, "it is of another sequence, or of another clock or unit of time"
-    return f"no pose is within {tolerance_ns / 1e9:.3g} s of an image; {theirs}", "set --poses-tolerance SECONDS"
+    return f"no pose is within {tolerance_s:.3g} s of an image; {theirs}", "set --poses-tolerance SECONDS"
 
 
 def _span(times_ns: Sequence[int]) -> str:

@@ -10,7 +10,8 @@ from omnieval.datasets.findings import Finding, errors
 from omnieval.datasets.scan import Scan, canonical_path, in_time
 from omnieval.datasets.sequence import Frame
 from omnieval.datasets.trajectory.beside import poses_beside
-from omnieval.datasets.trajectory.join import Joining, interpolated, joined
+from omnieval.datasets.trajectory.between import Joining
+from omnieval.datasets.trajectory.join import interpolated, joined
 from omnieval.datasets.trajectory.read import read_track
 from omnieval.errors import DatasetError
 from omnieval.wording import shown
@@ -73,22 +74,14 @@ class PoseOptions:
         for name, value in given.items():
             if not value:
                 raise DatasetError(f"option {name} of {shown(source)} has no value; write {name}=VALUE")
-        tolerance, longest = (
-            _seconds(given[name], name, source) if name in given else None
-            for name in ("poses-tolerance", "poses-interpolate")
-        )
         file = canonical_path(given["poses"]) if "poses" in given else None
-        return cls(file, Joining(tolerance, longest))
+        return cls(file, Joining.of(given, source))
 
     @property
     def written(self) -> dict[str, str]:
         """The options as they are written into a source."""
-        values = {
-            "poses": None if self.file is None else str(self.file),
-            "poses-tolerance": _plainly(self.joining.tolerance_s),
-            "poses-interpolate": _plainly(self.joining.interpolate_s),
-        }
-        return {name: value for name, value in values.items() if value is not None}
+        file = {} if self.file is None else {"poses": str(self.file)}
+        return {**file, **self.joining.written}
 
 
 def with_poses(found: Scan, options: PoseOptions) -> Scan:
@@ -138,17 +131,3 @@ def posed(frames: Sequence[Frame], file: Path, label: str, how: Joining) -> tupl
 def _label(file: Path, root: Path) -> str:
     """Return what to call a file in findings: its place within the sequence, or else its whole path."""
     return shown(file.relative_to(root).as_posix() if file.is_relative_to(root) else file.as_posix())
-
-
-def _seconds(text: str, name: str, source: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0 <= seconds < float("inf"):
-        raise DatasetError(f"{name}={shown(text)} in {shown(source)} must be a number of seconds, 0 or more")
-    return seconds
-
-
-def _plainly(value: float | None) -> str | None:
-    return None if value is None else f"{value:.12g}"

@@ -111,7 +111,9 @@ def test_poses_are_interpolated_at_the_times_of_images(tmp_path, kind, of):
     assert sequence.yaws is not None
     expected = [math.remainder(math.pi - 0.2 + 0.1 * number, math.tau) for number in range(5)]
     assert sequence.yaws[:5] == pytest.approx(expected)
-    assert codes(sequence.source) == []
+    (said,) = check(sequence.source).findings
+    assert said.code == "poses-read"
+    assert "between neighbours at most 1 s apart, else the nearest within 0.1 s: 6 of 6 images" in said.message
 
 
 def test_other_poses_need_no_other_images(tmp_path):
@@ -144,8 +146,40 @@ def test_images_far_in_time_from_any_pose_have_none(tmp_path):
         for time in (TIMES[1], TIMES[2], TIMES[2] + 20 * STEP_NS):
             bag.odometry("/odom", time, 1.0, 2.0, 0.0)
     sequence = load(f"bag:{bag.path}#pose-topic=/odom")
-    assert [frame.pose is None for frame in sequence.frames] == [False, False, False, True, True, True]
-    assert codes(sequence.source) == ["image-without-pose"]
+    assert [frame.pose is None for frame in sequence.frames] == [False, False, False, False, True, True]
+    assert codes(sequence.source) == ["image-without-pose", "poses-read"]
+
+
+def test_poses_of_a_topic_come_to_images_as_those_of_a_file_do(tmp_path):
+    """The same options, the same rule: what a topic says and what a TUM file with the same poses says is one."""
+    stamps = [TIMES[0] + 3 * STEP_NS // 10, TIMES[1], TIMES[4]]
+    tum = tmp_path / "poses.tum"
+    tum.write_text("".join(f"{time // 10**9}.{time % 10**9:09d} {x} 0 0 0 0 0 1\n" for x, time in enumerate(stamps)))
+    with Maker(tmp_path / "tour.bag", "ros1") as bag:
+        for number, time in enumerate(TIMES):
+            bag.image("/image", time, IMAGES[number], "bgr8")
+        for x, time in enumerate(stamps):
+            bag.odometry("/odom", time, float(x), 0.0, 0.0)
+    gap = 3 * STEP_NS / 1e9
+    expected = {
+        (0, 0): [None, 1, None, None, 2, None],
+        (0, gap): [None, 1, 4 / 3, 5 / 3, 2, None],
+        (0.6 * STEP_NS / 1e9, 0): [0, 1, None, None, 2, None],
+        (1.1 * STEP_NS / 1e9, gap): [0, 1, 4 / 3, 5 / 3, 2, 2],
+    }
+    for (tolerance, interpolate), places in expected.items():
+        of_topic, of_file = (
+            load(f"bag:{bag.path}{end}", poses=file, poses_tolerance=tolerance, poses_interpolate=interpolate)
+            for end, file in (("#pose-topic=/odom", None), ("", tum))
+        )
+        for sequence in (of_topic, of_file, load(of_topic.source)):
+            found = [None if frame.pose is None else frame.pose.x for frame in sequence.frames]
+            assert found == pytest.approx(places), (tolerance, interpolate)
+
+
+def test_how_poses_of_a_topic_come_to_images_must_be_seconds(tmp_path):
+    path = tour(tmp_path / "tour.bag", "ros1")
+    assert "poses-interpolate=soon" in refusal(f"bag:{path}#pose-topic=/odom,poses-interpolate=soon")
 
 
 def test_transforms_are_chained_from_the_root_to_what_moves(tmp_path, kind):
@@ -195,7 +229,7 @@ def test_without_times_of_their_own_those_of_recording_are_taken_for_images_and_
     sequence = load(f"bag:{bag.path}#pose-topic=/odom")
     assert [frame.time_ns for frame in sequence.frames] == TIMES
     assert sequence.positions == pytest.approx(np.array([[number, 0.0] for number in range(6)]))
-    assert codes(sequence.source) == ["times-of-recording"]
+    assert codes(sequence.source) == ["times-of-recording", "poses-read"]
 
 
 def test_a_bag_that_is_cut_off_is_refused(tmp_path, kind):

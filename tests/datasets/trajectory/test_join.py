@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from omnieval.datasets.sequence import Frame, Pose
-from omnieval.datasets.trajectory.join import Joining, interpolated, joined
+from omnieval.datasets.trajectory.between import Joining
+from omnieval.datasets.trajectory.join import interpolated, joined
 from omnieval.datasets.trajectory.read import read_track
 from tests.datasets.trajectory.drives import STEP_NS, a_drive, kitti, lines, tum
 
