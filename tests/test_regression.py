@@ -18,7 +18,7 @@ from omnieval.regression import judge
 from omnieval.regression.cases import Selection, canonical_source, portable
 from omnieval.regression.gate import check
 from omnieval.regression.junit import write_junit
-from omnieval.regression.reference import Case, Guard, NodeRange, read_reference, write_reference
+from omnieval.regression.reference import Case, Guard, NodeRange, read_localizations, read_reference, write_reference
 from omnieval.regression.trace import DECISION, first_parting, read_trace, write_trace
 from omnieval.regression.update import change_lines, update
 
@@ -645,3 +645,6 @@ def test_the_six_synthetic_cases_are_committed():
     found = {(case.source, case.descriptor) for case in read_reference(path)}
     lights = ("synthetic:cloudy", "synthetic:night", "synthetic:sunny")
     assert found == {(light, descriptor) for light in lights for descriptor in ("hog", "gist")}
+    localized = read_localizations(path, read_reference(path))
+    assert [one.name for one in localized] == ["night-in-cloudy", "sunny-in-cloudy"]
+    assert all(list(one.expected) == ["levels", "nearest"] for one in localized)

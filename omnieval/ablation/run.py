@@ -16,7 +16,6 @@ import polars as pl
 from omnieval.ablation.grid import Span, make_axis, parse_span
 from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, failed_row
 from omnieval.ablation.plan import Plan, make_plan
-from omnieval.ablation.pool import workers
 from omnieval.ablation.store import BEST, KIND, Store, rows_table
 from omnieval.ablation.summary import over_replicates, tuned
 from omnieval.ablation.tree import grow, plant
@@ -29,6 +28,7 @@ from omnieval.imaging.soundness import examined
 from omnieval.loop import run as replay
 from omnieval.material import Cut, Source, opened, with_poses
 from omnieval.metrics.catalogue import BY_NAME
+from omnieval.processes import workers
 from omnieval.recording import RecordingOptions
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder, hold_folder, reason_of

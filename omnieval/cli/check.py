@@ -43,10 +43,13 @@ def check(
     stride: options.Stride = 1,
     limit: options.Limit = None,
     skip_bad: options.SkipBad = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes; what is found does not depend on it.", metavar="N")] = 1,
     junit: Annotated[Path | None, typer.Option(help="Also write JUnit XML.", metavar="FILE.xml")] = None,
     json: options.Json = False,
 ) -> None:
     """Check that maps are no worse than a reference says: silhouettes, shares, agreement with rooms, number of nodes.
+
+    Images of other sequences that a reference looks for in its maps ([[localization]]) must be found as well as before.
 
     Exits with 4 and a table of expected, got and difference if a guarded value is worse by more than its tolerance,
     outside its range, or missing, and if there is no reference or no case to compare with. A better value passes. A
@@ -55,7 +58,7 @@ def check(
 
     Examples:
 
-      omnieval check --reference runs/reference/synthetic.toml
+      omnieval check --reference runs/reference/synthetic.toml --jobs 2
 
       omnieval check runs/mine --reference mine.toml
 
@@ -73,10 +76,12 @@ def check(
     if update:
         _update(reference, targets, selection, json=json)
     else:
-        _check(reference, targets, selection, junit, json=json)
+        _check(reference, targets, selection, jobs, junit, json=json)
 
 
-def _check(reference: Path, targets: list[str], selection: Selection | None, junit: Path | None, *, json: bool) -> None:
+def _check(
+    reference: Path, targets: list[str], selection: Selection | None, jobs: int, junit: Path | None, *, json: bool
+) -> None:
     import polars as pl
 
     from omnieval.cli.console import print_json, print_table, progress
@@ -85,7 +90,7 @@ def _check(reference: Path, targets: list[str], selection: Selection | None, jun
     from omnieval.regression.junit import write_junit
 
     with progress("checking") as report_progress:
-        reports = check_cases(reference, targets, selection=selection, progress=report_progress)
+        reports = check_cases(reference, targets, selection=selection, jobs=jobs, progress=report_progress)
     if junit:
         write_junit(reports, junit)
     if json:

@@ -59,6 +59,13 @@ METRICS: dict[str, str] = {
     "milliseconds": "time a query took, mean; without describing it",
 }
 """Every metric and its meaning; theta is what `--within` says."""
+LOWER_IS_BETTER = frozenset(
+    {
+        *("refused", "error_mean", "error_median", "error_p95", "heading_error_median"),
+        *("wrong", "wrongly_refused", "compared_mean", "milliseconds"),
+    }
+)
+"""The metrics of which less is better; of all others, more."""
 
 
 def measure(answers: pl.DataFrame, theta: float, images: int) -> Measures:

@@ -202,7 +202,9 @@ def left_out(run: Run) -> tuple[str, ...] | None:
 
 
 @contextmanager
-def replayed(source: str, selection: Selection, progress: Progress | None = None) -> Iterator[Run]:
+def replayed(
+    source: str, selection: Selection, progress: Progress | None = None, *, save_map: bool = False
+) -> Iterator[Run]:
     """Replay into a temporary folder, without a recording.
 
     Raises
@@ -217,7 +219,7 @@ def replayed(source: str, selection: Selection, progress: Progress | None = None
             **dataclasses.asdict(selection.cut),
             skip_bad=selection.skip_bad,
             out=Path(temporary) / "run",
-            save_map=False,
+            save_map=save_map,
             progress=progress,
         )
 

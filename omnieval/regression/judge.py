@@ -59,7 +59,12 @@ def _outcomes(case: Case, metrics: Mapping[str, float | int | None]) -> Iterator
     nodes = _finite(metrics.get("nodes"))
     allowed = f"{case.nodes.min} to {case.nodes.max}"
     yield Outcome("nodes", case.nodes.value, allowed, nodes, _of_range(case.nodes, nodes))
-    for name, guard in case.guards.items():
+    yield from judge_guards(case.guards, metrics)
+
+
+def judge_guards(guards: Mapping[str, Guard], metrics: Mapping[str, float | int | None]) -> Iterator[Outcome]:
+    """Hold metrics against guards, both by name."""
+    for name, guard in guards.items():
         got = _finite(metrics.get(name))
         yield Outcome(name, guard.value, f"{guard.tolerance:g}", got, _of_guard(guard, got))
 

@@ -26,6 +26,21 @@ mapper_code = "..."
 descriptor_code = "..."
 dataset_fingerprint = "..."
 
+[[localization]]
+name = "night-in-cloudy"
+map = "synthetic-cloudy-hog"        # the case whose map it is
+query = "synthetic:night"           # what is looked for in it
+within = 0.5                        # up to how many metres two images show the same place; optional
+
+[localization.expected.levels]      # a table a strategy; without any, --update makes those of the default guards
+"recall@1" = { value = 0.41, tolerance = 0.05 }
+
+[localization.made]
+date = "2026-01-31T12:00:00+00:00"
+code = "..."
+dataset_fingerprint = "..."         # of the query
+map_digest = "..."
+
 What people write into it, comments and order included, survives an update.
 """
 
@@ -35,7 +50,7 @@ import dataclasses
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import tomlkit
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
@@ -44,12 +59,18 @@ from tomlkit.items import AoT, Table
 
 from omnieval.config import Config, Setting, resolve
 from omnieval.errors import ConfigError, RegressionError
+from omnieval.localization.measures import LOWER_IS_BETTER
+from omnieval.localization.measures import METRICS as OF_LOCALIZATION
+from omnieval.localization.strategies import STRATEGIES, check_strategies
 from omnieval.material import Cut
 from omnieval.metrics.catalogue import BY_NAME, METRICS
 from omnieval.results.atomic import replacing
 from omnieval.wording import did_you_mean
 
 SCHEMA_VERSION = 2
+DECIMALS = 6
+"""Of the values written; far below any tolerance, and quiet about the last bits of a sum."""
+_Model = TypeVar("_Model", bound=BaseModel)
 _LOCKED = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 _NEW = f"""\
@@ -57,7 +78,7 @@ _NEW = f"""\
 
 schema_version = {SCHEMA_VERSION}
 """
-_SECTIONS = ("parameters", "expected", "made", "versions")
+_SECTIONS = ("parameters", "expected", *STRATEGIES, "made", "versions")
 """Tables of a case that have a heading of their own."""
 
 
@@ -160,6 +181,49 @@ class Case(BaseModel):
         return resolve(settings, mapper=self.mapper, descriptor=self.descriptor)
 
 
+class LocalizationMade(BaseModel):
+    """How the expected values of a localisation came about; `dataset_fingerprint` is that of the query."""
+
+    model_config = _LOCKED
+
+    date: str
+    code: str
+    dataset_fingerprint: str
+    map_digest: str
+
+
+class LocalizationCase(BaseModel):
+    """One guarded localisation: images of a sequence looked for in the map of a case.
+
+    Attributes
+    ----------
+    name
+        Unique among cases and localisations of its reference.
+    map
+        Name of the case whose map it is.
+    query
+        Source as on the command line; paths are relative to the working directory.
+    cut
+        Which of its frames.
+    within
+        Up to how many metres two images show the same place.
+    expected
+        Guards by strategy and metric; empty where none was made yet.
+    made
+        How this was made; None if it was written by hand.
+    """
+
+    model_config = _LOCKED
+
+    name: str = Field(min_length=1)
+    map: str
+    query: str
+    cut: Annotated[Cut, AfterValidator(_sound)] = Cut()
+    within: float = Field(0.5, gt=0)
+    expected: dict[str, dict[str, Guard]] = Field(default_factory=dict)
+    made: LocalizationMade | None = None
+
+
 def read_reference(path: Path, *, may_be_empty: bool = False) -> tuple[Case, ...]:
     """Read the cases of a reference file.
 
@@ -170,31 +234,45 @@ def read_reference(path: Path, *, may_be_empty: bool = False) -> tuple[Case, ...
     ConfigError
         If it is not a reference of this version.
     """
-    try:
-        content = tomllib.loads(path.read_text("utf-8"))
-    except FileNotFoundError as error:
-        raise RegressionError(f"there is no reference {path}; make it with --update") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"cannot read reference {path}: {error}") from error
-    if content.get("schema_version") != SCHEMA_VERSION:
-        raise ConfigError(
-            f"{path} has schema version {content.get('schema_version')}, this omnieval reads {SCHEMA_VERSION}; "
-            "remove it and make it again with --update"
-        )
-    found = content.get("case", [])
-    if not found and not may_be_empty:
+    content = _content(path)
+    if not content.get("case") and not may_be_empty:
         raise RegressionError(f"{path} has no [[case]], so it guards nothing; add one with --update")
-    if not isinstance(found, list) or not all(isinstance(table, dict) for table in found):
-        raise ConfigError(f"{path}: write every case as a [[case]] table")
-    cases = tuple(_case(table, path) for table in found)
-    names = [case.name for case in cases]
-    if repeated := sorted({name for name in names if names.count(name) > 1}):
-        raise ConfigError(f"{path} has more than one case {repeated[0]}; give each a name of its own")
+    cases = tuple(_case(table, path) for table in _tables(content, "case", path))
+    _refuse_repeated([case.name for case in cases], path)
     return cases
 
 
-def write_reference(cases: Sequence[Case], path: Path) -> None:
+def read_localizations(path: Path, cases: Sequence[Case]) -> tuple[LocalizationCase, ...]:
+    """Read the localisations of a reference file, which has these cases.
+
+    Raises
+    ------
+    RegressionError
+        If there is no such file.
+    ConfigError
+        If one is faulty, or names a map that no case makes.
+    """
+    found = tuple(_localization(table, path) for table in _tables(_content(path), "localization", path))
+    names = [case.name for case in cases]
+    _refuse_repeated([*names, *(one.name for one in found)], path)
+    for one in found:
+        if one.map not in names:
+            hint = did_you_mean(one.map, names) if names else "there is no case"
+            raise ConfigError(f"{path}: localization {one.name}: no case makes the map {one.map!r}; {hint}")
+    return found
+
+
+def write_reference(cases: Sequence[Case], path: Path, localizations: Sequence[LocalizationCase] = ()) -> None:
     """Write cases into a reference file, in place of those of the same names; what else is in it stays as it is.
+
+    Parameters
+    ----------
+    cases
+        Those to write; new ones come after all others.
+    path
+        The file.
+    localizations
+        Those to write; every one of them is there already.
 
     Raises
     ------
@@ -215,6 +293,13 @@ def write_reference(cases: Sequence[Case], path: Path) -> None:
     for case in cases:
         if case.name in places:
             _renew(places[case.name], before[case.name], _plain(case))
+    if localizations:
+        there = {one.name: _plain_localization(one) for one in read_localizations(path, read_reference(path))}
+        places_of = {str(table["name"]): table for table in document["localization"]}
+        for one in localizations:
+            _renew(places_of[one.name], there[one.name], _plain_localization(one))
+            if "made" not in there[one.name]:
+                places_of[one.name]["made"].add(tomlkit.nl())  # before the next heading
     added = [tomlkit.dumps({"case": AoT([_table(_plain(case))])}) for case in cases if case.name not in places]
     parts = [tomlkit.dumps(document), *added]
     with replacing(path) as temporary:
@@ -227,6 +312,33 @@ def sayable(value: Any) -> bool:
     return value is not None and all(map(sayable, inside))
 
 
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        content = tomllib.loads(path.read_text("utf-8"))
+    except FileNotFoundError as error:
+        raise RegressionError(f"there is no reference {path}; make it with --update") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise ConfigError(f"cannot read reference {path}: {error}") from error
+    if content.get("schema_version") != SCHEMA_VERSION:
+        raise ConfigError(
+            f"{path} has schema version {content.get('schema_version')}, this omnieval reads {SCHEMA_VERSION}; "
+            "remove it and make it again with --update"
+        )
+    return content
+
+
+def _tables(content: Mapping[str, Any], kind: str, path: Path) -> list[dict[str, Any]]:
+    found = content.get(kind, [])
+    if not isinstance(found, list) or not all(isinstance(table, dict) for table in found):
+        raise ConfigError(f"{path}: write every {kind} as a [[{kind}]] table")
+    return found
+
+
+def _refuse_repeated(names: Sequence[str], path: Path) -> None:
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
+        raise ConfigError(f"{path} has more than one case {repeated[0]}; give each a name of its own")
+
+
 def _plain(case: Case) -> dict[str, Any]:
     """Return a case as it stands in the file."""
     plain = case.model_dump(exclude_none=True, exclude={"nodes", "guards", "made"})
@@ -237,6 +349,17 @@ def _plain(case: Case) -> dict[str, Any]:
         plain["trace"] = PurePosixPath(case.trace).as_posix()
     guards = {name: guard.model_dump(exclude_defaults=True) for name, guard in case.guards.items()}
     plain["expected"] = {"nodes": case.nodes.model_dump(), **guards}
+    return plain | ({} if case.made is None else {"made": case.made.model_dump()})
+
+
+def _plain_localization(case: LocalizationCase) -> dict[str, Any]:
+    """Return a localisation as it stands in the file."""
+    plain: dict[str, Any] = case.model_dump(include={"name", "map", "query", "within"})
+    plain["cut"] = {name: value for name, value in dataclasses.asdict(case.cut).items() if value is not None}
+    plain["expected"] = {
+        strategy: {name: guard.model_dump(exclude_defaults=True) for name, guard in guards.items()}
+        for strategy, guards in case.expected.items()
+    }
     return plain | ({} if case.made is None else {"made": case.made.model_dump()})
 
 
@@ -290,9 +413,37 @@ def _case(table: dict[str, Any], path: Path) -> Case:
         for name, guard in guards.items()
     }
     nodes = {"nodes": expected["nodes"]} if "nodes" in expected else {}
+    return _validated(Case, {**table, **nodes, "guards": guards}, f"{path}: case {table.get('name')}")
+
+
+def _localization(table: dict[str, Any], path: Path) -> LocalizationCase:
+    where = f"{path}: localization {table.get('name')}"
+    expected = table.pop("expected", {})
+    if not isinstance(expected, dict) or not all(isinstance(guards, dict) for guards in expected.values()):
+        raise ConfigError(f"{where}: write what is expected as [localization.expected.STRATEGY] tables")
+    if expected:
+        check_strategies(list(expected))
+    for name in (name for guards in expected.values() for name in guards if name not in OF_LOCALIZATION):
+        raise ConfigError(f"{where} guards the unknown metric {name!r}; {did_you_mean(name, OF_LOCALIZATION)}")
+    guarded = {
+        strategy: {
+            name: {"better": better_of_localization(name), **guard} if isinstance(guard, dict) else guard
+            for name, guard in guards.items()
+        }
+        for strategy, guards in expected.items()
+    }
+    return _validated(LocalizationCase, {**table, "expected": guarded}, where)
+
+
+def better_of_localization(metric: str) -> Literal["higher", "lower"]:
+    """Return which way a metric of localisation is better."""
+    return "lower" if metric in LOWER_IS_BETTER else "higher"
+
+
+def _validated(model: type[_Model], content: Mapping[str, Any], where: str) -> _Model:
     try:
-        return Case.model_validate({**table, **nodes, "guards": guards})
+        return model.model_validate(content)
     except ValidationError as error:
         fault = error.errors()[0]
-        where = ".".join(str(part) for part in fault["loc"])
-        raise ConfigError(f"{path}: case {table.get('name')}: {where}: {fault['msg']}") from error
+        part = ".".join(str(one) for one in fault["loc"])
+        raise ConfigError(f"{where}: {part}: {fault['msg']}") from error

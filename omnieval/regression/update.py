@@ -25,7 +25,18 @@ from omnieval.regression.cases import (
     selection_of,
     target_of,
 )
-from omnieval.regression.reference import Case, Guard, Made, NodeRange, read_reference, write_reference
+from omnieval.regression.localizing import answers_of, renewed
+from omnieval.regression.reference import (
+    DECIMALS,
+    Case,
+    Guard,
+    LocalizationCase,
+    Made,
+    NodeRange,
+    read_localizations,
+    read_reference,
+    write_reference,
+)
 from omnieval.regression.trace import DECISION, Parting, first_parting, read_trace, write_trace
 from omnieval.results.compare import differing
 from omnieval.results.manifest import expanded
@@ -33,8 +44,6 @@ from omnieval.results.run_folder import Run
 from omnieval.wording import safe_name
 
 NODES_EITHER_WAY = 1
-DECIMALS = 6
-"""Of the values written; far below any tolerance, and quiet about the last bits of a sum."""
 TOLERANCES = {"silhouette": 0.02, "share": 0.05, "rooms": 0.05, "pair": 0.05, "reentry": 0.05}
 """Default tolerance by the first word of a metric."""
 GUARDED = (
@@ -71,11 +80,12 @@ class Change:
 
 @dataclass(frozen=True)
 class _Renewed:
-    """A case with what it expects now; `old` is None if it is new."""
+    """A case with what it expects now; `old` is None if it is new. Localisations in its map: (old, new)."""
 
     old: Case | None
     new: Case
     steps: pl.DataFrame
+    localizations: tuple[tuple[LocalizationCase, LocalizationCase], ...] = ()
 
 
 def update(
@@ -88,8 +98,9 @@ def update(
     """Take what replays come to now as what is expected, and write the reference, or make it.
 
     Targets and selection are those of `check`; a source that has no case gets one, with `selection` or the defaults.
-    Of a case that is there already, name, parameters, guarded metrics and tolerances stay. Nothing is written unless
-    all replays succeed, and can be made again from what is written.
+    Of a case that is there already, name, parameters, guarded metrics and tolerances stay. Localisations are renewed
+    with the case whose map they are in, where that is replayed. Nothing is written unless all replays succeed, and can
+    be made again from what is written.
 
     Raises
     ------
@@ -101,17 +112,19 @@ def update(
     reference = expanded(reference)
     there = reference.exists() or not targets
     cases = list(read_reference(reference, may_be_empty=bool(targets)) if there else ())
+    localizations = read_localizations(reference, cases) if there else ()
     renewals = []
     if not targets:
         refuse_selection(selection)
-        renewals = [_replay(case, cases, reference, progress) for case in cases]
+        renewals = [_replay(case, cases, localizations, reference, progress) for case in cases]
     for target in targets:
-        for renewed in _of_target(target, cases, reference, selection, progress):
-            renewals.append(renewed)
-            cases = [case for case in cases if case.name != renewed.new.name] + [renewed.new]
-    changes = tuple(_change(renewed, reference) for renewed in renewals)
+        for renewal in _of_target(target, cases, localizations, reference, selection, progress):
+            renewals.append(renewal)
+            cases = [case for case in cases if case.name != renewal.new.name] + [renewal.new]
+    changes = [_change(renewal, reference) for renewal in renewals]
+    changes += [_localization_change(*pair) for renewal in renewals for pair in renewal.localizations]
     _write(renewals, reference)
-    return changes
+    return tuple(changes)
 
 
 def change_lines(change: Change) -> Iterator[str]:
@@ -134,7 +147,12 @@ def change_lines(change: Change) -> Iterator[str]:
 
 
 def _of_target(
-    name: str, cases: Sequence[Case], reference: Path, selection: Selection | None, progress: Progress | None
+    name: str,
+    cases: Sequence[Case],
+    localizations: Sequence[LocalizationCase],
+    reference: Path,
+    selection: Selection | None,
+    progress: Progress | None,
 ) -> list[_Renewed]:
     target = target_of(name, selection, cases)
     if target.run is not None:
@@ -142,14 +160,33 @@ def _of_target(
         found = target.cases or (None,)
         return [_renew(case, target.run, cases, reference) for case in found]
     if target.cases:
-        return [_replay(case, cases, reference, progress) for case in target.cases]
+        return [_replay(case, cases, localizations, reference, progress) for case in target.cases]
     with replayed(target.job.source, selection or Selection(resolve()), progress) as run:
         return [_renew(None, run, cases, reference)]
 
 
-def _replay(case: Case, cases: Sequence[Case], reference: Path, progress: Progress | None) -> _Renewed:
-    with replayed(case.source, selection_of(case), progress) as run:
-        return _renew(case, run, cases, reference)
+def _replay(
+    case: Case,
+    cases: Sequence[Case],
+    localizations: Sequence[LocalizationCase],
+    reference: Path,
+    progress: Progress | None,
+) -> _Renewed:
+    located = [one for one in localizations if one.map == case.name]
+    with replayed(case.source, selection_of(case), progress, save_map=bool(located)) as run:
+        renewal = _renew(case, run, cases, reference)
+        return dataclasses.replace(renewal, localizations=tuple(_renewed_in(located, run, progress)))
+
+
+def _renewed_in(
+    cases: Sequence[LocalizationCase], run: Run, progress: Progress | None
+) -> Iterator[tuple[LocalizationCase, LocalizationCase]]:
+    answered = answers_of(cases, run, progress)
+    for case in cases:
+        found = answered[case.name]
+        if isinstance(found, OmnievalError):
+            raise type(found)(f"{case.name} cannot be localised: {found}")
+        yield case, renewed(case, found)
 
 
 def _refuse_changed(run: Run) -> None:
@@ -190,14 +227,14 @@ def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -
             versions=run.manifest["versions"],
             parameters=job.recorded,
         )
-        renewed = {
+        changed = {
             "skipped": left_out(run),
             "trace": new.trace or f"{reference.stem}/{safe_name(name)}.parquet",
             "nodes": _node_range(old, run),
             "guards": _guards(old, run),
             "made": made,
         }
-        new = new.model_copy(update=renewed)
+        new = new.model_copy(update=changed)
         if faults := differing(job.parameters, Job.of_case(new).parameters):
             said = ", ".join(f"{parameter} {one}" for parameter, (one, _) in faults.items())
             raise ResultError(f"a reference has no words for {said}")
@@ -241,15 +278,29 @@ def _default_guard(name: str) -> Guard:
     )
 
 
-def _change(renewed: _Renewed, reference: Path) -> Change:
-    old, new = renewed.old, renewed.new
+def _change(renewal: _Renewed, reference: Path) -> Change:
+    old, new = renewal.old, renewal.new
     after = {"nodes": float(new.nodes.value)} | {name: guard.value for name, guard in new.guards.items()}
     if old is None:
         return Change(new.name, True, {name: (None, value) for name, value in after.items()})
     before = {"nodes": float(old.nodes.value)} | {name: guard.value for name, guard in old.guards.items()}
     values: dict[str, tuple[float | None, float | None]] = {}
     values |= {name: (value, after.get(name)) for name, value in before.items() if value != after.get(name)}
-    return Change(new.name, False, values, _parting(old, renewed.steps, reference))
+    return Change(new.name, False, values, _parting(old, renewal.steps, reference))
+
+
+def _localization_change(old: LocalizationCase, new: LocalizationCase) -> Change:
+    before, after = (
+        {
+            f"{strategy} {name}": guard.value
+            for strategy, guards in one.expected.items()
+            for name, guard in guards.items()
+        }
+        for one in (old, new)
+    )
+    names = dict.fromkeys([*before, *after])
+    values = {name: (before.get(name), after.get(name)) for name in names if before.get(name) != after.get(name)}
+    return Change(new.name, False, values)
 
 
 def _parting(old: Case, steps: pl.DataFrame, reference: Path) -> Parting | None:
@@ -264,15 +315,16 @@ def _parting(old: Case, steps: pl.DataFrame, reference: Path) -> Parting | None:
 
 def _write(renewals: Sequence[_Renewed], reference: Path) -> None:
     """Write traces and reference; cases keep their order, new ones come last."""
-    for renewed in renewals:
-        if renewed.new.trace:
-            write_trace(renewed.steps, reference.parent / renewed.new.trace)
-    write_reference([_undated(renewed) for renewed in renewals], reference)
+    for renewal in renewals:
+        if renewal.new.trace:
+            write_trace(renewal.steps, reference.parent / renewal.new.trace)
+    found = [new for renewal in renewals for _, new in renewal.localizations]
+    write_reference([_undated(renewal) for renewal in renewals], reference, found)
 
 
-def _undated(renewed: _Renewed) -> Case:
+def _undated(renewal: _Renewed) -> Case:
     """Return the new case; the old one where only the date would change."""
-    old, new = renewed.old, renewed.new
+    old, new = renewal.old, renewal.new
     if old and old.made and new.made and new.made.model_copy(update={"date": old.made.date}) == old.made:
         return new.model_copy(update={"made": old.made})
     return new
