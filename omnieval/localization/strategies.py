@@ -131,15 +131,14 @@ class _ByImages(Strategy):
         """See `Strategy.expect`."""
         self._images.expect(descriptions)
 
-    def _among(self, frame: int, images: NDArray[np.int64]) -> Found:
-        """Find an image among some of the map's."""
+    def _among(self, frame: int, images: NDArray[np.int64], candidates: tuple[int, ...]) -> Found:
+        """Find an image among some of the map's, which are those of some nodes."""
         compared = self._images.compare(frame, images)
         products = product_distance(compared)
         order = products.argsort(kind="stable")
         best, labels = int(order[0]), self.map.labels
         node = int(labels[images[best]])
         match = Match(int(images[best]), node, int(compared.shifts[best]))
-        candidates = tuple(one for one in np.unique(labels[images]).tolist() if one)
         step = Step(frame, "most similar", Role.JOINED, node or None, match)
         return Found(step, candidates, images[order], float(products[best]))
 
@@ -149,9 +148,14 @@ class Nearest(_ByImages):
 
     name = NEAREST
 
+    def __init__(self, map_: TopologicalMap, mapper: Component) -> None:
+        super().__init__(map_, mapper)
+        self._all = np.arange(len(map_))
+        self._nodes = tuple(map_.nodes.tolist())
+
     def find(self, description: Description) -> Found:
         """See `Strategy.find`."""
-        return self._among(self._images.append(description), np.arange(len(self.map)))
+        return self._among(self._images.append(description), self._all, self._nodes)
 
 
 class Coarse(_ByImages):
@@ -163,7 +167,7 @@ class Coarse(_ByImages):
         """See `Strategy.find`."""
         away = np.linalg.norm(self.map.representatives - description.position, axis=1)
         node = int(self.map.nodes[away.argmin()])
-        return self._among(self._images.append(description), self.map.images_of(node))
+        return self._among(self._images.append(description), self.map.images_of(node), (node,))
 
 
 STRATEGIES: dict[str, type[Strategy]] = {one.name: one for one in (Levels, Nearest, Coarse)}
