@@ -37,22 +37,29 @@ def main() -> None:
     parser.add_argument("buildings", nargs="*", type=int, default=[1, 2, 3, 4, 5], metavar="BUILDING")
     parser.add_argument("--stride", type=int, default=1, metavar="N", help="look up every Nth image only")
     options = parser.parse_args()
-    for descriptor in DESCRIPTORS:
-        table = {number: dict(errors_of(number, descriptor, options.stride)) for number in options.buildings}
-        for number, row in table.items():
-            print(f"{descriptor:5} building {number}: " + ", ".join(f"{k} {v:.2f}" for k, v in row.items()))
+    tables: dict[str, dict[int, dict[str, float]]] = {descriptor: {} for descriptor in DESCRIPTORS}
+    for number in options.buildings:
+        with tempfile.TemporaryDirectory() as scratch:
+            again = synthesize(Path(scratch) / "again", building=number, seed=1)
+            for descriptor, table in tables.items():
+                print(f"measuring {descriptor} in building {number} ...", file=sys.stderr)
+                table[number] = dict(errors_of(number, f"cold:{again}", descriptor, options.stride))
+                print(f"{descriptor:5} building {number}: {said(table[number])}", flush=True)
+    for descriptor, table in tables.items():
         for drive in next(iter(table.values())):
             mean, low, high = interval(np.array([row[drive] for row in table.values()]))
             print(f"{descriptor:5} {drive}: {mean:.2f} m ({low:.2f} to {high:.2f}, {len(table)} buildings)")
 
 
-def errors_of(number: int, descriptor: str, stride: int) -> Iterator[tuple[str, float]]:
-    """Yield name and mean error of every drive that is looked up in the cloudy one of a building."""
-    print(f"measuring {descriptor} in building {number} ...", file=sys.stderr)
+def said(row: dict[str, float]) -> str:
+    """Return the errors of a building in a line."""
+    return ", ".join(f"{drive} {error:.2f}" for drive, error in row.items())
+
+
+def errors_of(number: int, again: str, descriptor: str, stride: int) -> Iterator[tuple[str, float]]:
+    """Yield drive and mean error of what is looked up in the cloudy drive of a building; `again` is a second one."""
     known = described(f"synthetic:{LIGHTS[0]}:{number}", descriptor)
-    with tempfile.TemporaryDirectory() as scratch:
-        again = synthesize(Path(scratch) / "again", building=number, seed=1)
-        yield SECOND_DRIVE, mean_error(known, described(f"cold:{again}", descriptor), stride)
+    yield SECOND_DRIVE, mean_error(known, described(again, descriptor), stride)
     for light in LIGHTS[1:]:
         yield light, mean_error(known, described(f"synthetic:{light}:{number}", descriptor), stride)
 

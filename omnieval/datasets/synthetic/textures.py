@@ -7,10 +7,12 @@ covers; walls cover a whole storey, so that skirting boards and dado rails come 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from omnieval.seeding import named_generator
 
@@ -27,7 +29,8 @@ def draw(name: str, seed: int) -> Texture:
     """Return the texture of that name, shape (PIXELS, PIXELS, 3), uint8 BGR."""
     rng = named_generator(seed, f"texture-{name}")
     image = _DRAWN[name](rng) if name in _DRAWN else _plain(_COLOURS[name], rng)
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    np.rint(image, out=image)
+    return np.clip(image, 0, 255, out=image).astype(np.uint8)
 
 
 def names() -> tuple[str, ...]:
@@ -44,11 +47,16 @@ def smooth_noise(
     rng: np.random.Generator, scale: float, shape: tuple[int, int] = (PIXELS, PIXELS)
 ) -> NDArray[np.float64]:
     """Return band-limited noise that tiles: zero mean, unit variance, features of about `scale` pixels."""
-    fy = np.fft.fftfreq(shape[0])[:, None]
-    fx = np.fft.fftfreq(shape[1])[None, :]
-    spectrum = np.fft.fft2(rng.standard_normal(shape)) * np.exp(-((fx**2 + fy**2) * scale**2) * 2.0)
-    noise = np.real(np.fft.ifft2(spectrum))
+    spectrum = fft.rfft2(rng.standard_normal(shape)) * _band(scale, shape)
+    noise = fft.irfft2(spectrum, shape)
     return np.asarray((noise - noise.mean()) / noise.std())
+
+
+@cache
+def _band(scale: float, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return how much of each frequency `smooth_noise` keeps, shape (rows, columns // 2 + 1)."""
+    fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None, :]
+    return np.asarray(np.exp(-((fx**2 + fy**2) * scale**2) * 2.0))
 
 
 def _plain(colour: Colour, rng: np.random.Generator, grain: float = 5.0) -> NDArray[np.float64]:
