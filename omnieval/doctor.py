@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from omnieval.descriptors.cache_state import cache_state
+from omnieval.wording import counted
 
 FRAMES = 40
 _SETTINGS = {"n_init": 10, "n_new": 10}
@@ -174,6 +175,7 @@ def _cache() -> dict[str, str]:
         "writable": "yes" if state.writable else "no",
         "size": f"{state.bytes / 1e6:.1f} MB",
         "descriptions": count,
+        "videos and bags": f"{counted(state.streams, 'folder')}, {state.stream_bytes / 1e6:.1f} MB, in streams",
         "integrity": state.integrity,
     }
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from omnieval.datasets.cachedir import cache_dir
+from omnieval.datasets.cachedir import cache_dir, stream_folder
+from omnieval.datasets.scan import visible_names
 from omnieval.descriptors.cache import DATABASE
 
 
@@ -23,7 +24,9 @@ class CacheState:
     writable
         Whether it, or the nearest folder above it that exists, can be written.
     bytes
-        Size of all in it: descriptions and rendered sequences.
+        Size of all in it: descriptions, rendered sequences, images of videos and bags.
+    streams, stream_bytes
+        How many folders hold what was taken from videos and bags, and their size.
     descriptions
         How many descriptions are kept; None if they cannot be counted.
     integrity
@@ -33,6 +36,8 @@ class CacheState:
     folder: Path
     writable: bool
     bytes: int
+    streams: int
+    stream_bytes: int
     descriptions: int | None
     integrity: str
 
@@ -41,7 +46,9 @@ def cache_state(folder: Path | None = None) -> CacheState:
     """Return the state of a cache folder; default the one in use."""
     folder = folder or cache_dir()
     descriptions, integrity = _inspect(folder / DATABASE)
-    return CacheState(folder, _writable(folder), _size(folder), descriptions, integrity)
+    streams = stream_folder(folder)
+    count = len(visible_names(streams))
+    return CacheState(folder, _writable(folder), _size(folder), count, _size(streams), descriptions, integrity)
 
 
 def _inspect(database: Path) -> tuple[int | None, str]:

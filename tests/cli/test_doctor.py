@@ -105,6 +105,14 @@ class TestCache:
         state = cache_state(tmp_path)
         assert (state.descriptions, state.integrity) == (0, "ok")
         assert state.bytes == sum(size for size, _ in listing(tmp_path).values())
+        assert (state.streams, state.stream_bytes) == (0, 0)
+
+    def test_what_was_taken_from_videos_and_bags_is_counted(self, tmp_path):
+        for name in ("one", "two"):
+            (tmp_path / "streams" / name).mkdir(parents=True)
+            (tmp_path / "streams" / name / "frame000000.png").write_bytes(b"image")
+        state = cache_state(tmp_path)
+        assert (state.streams, state.stream_bytes) == (2, 10)
 
     @pytest.mark.parametrize("spoil", [half, lambda path: flip(path, 30), lambda path: path.write_bytes(b"x" * 9999)])
     def test_damage_is_told_and_not_touched(self, spoil, tmp_path):

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from omnieval.datasets.cachedir import cache_dir
+from omnieval.datasets.cachedir import cache_dir, stream_folder
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.datasets.source import Address
@@ -70,7 +70,7 @@ def decoded(address: Address, files: Sequence[Path], decode: Callable[[Path], Co
     try:
         state = _state(files)
         key = digest_of([_VERSION, address.scheme, dict(address.options), state])
-        folder = cache_dir() / "streams" / key
+        folder = stream_folder(cache_dir()) / key
         if (contents := _read(folder)) is not None:
             return folder, contents
         folder.parent.mkdir(parents=True, exist_ok=True)
