@@ -50,6 +50,8 @@ odd-rotations         warning  the rotations do not tell which way is up
 other-poses           warning  another file beside the images might hold poses, too
 image-without-label   warning  an image that ``places.lst`` does not name
 image-without-pose    warning  an image without a pose where others have one
+unread-times          warning  a table of the images' times that does not fit them, or several
+image-without-time    warning  images that a table of times does not name
 label-by-time         warning  a label that names an image of nearly the same time, and not this one
 mixed-kinds           warning  an image of another kind than most: format, colours, or bits a channel
 mixed-orientation     warning  an image that its EXIF orientation turns otherwise than most
@@ -68,6 +70,7 @@ no-labels             info     there is no ``places.lst``
 no-poses              info     there is no file of poses, or no topic of poses was named
 poses-read            info     what a file of poses was taken for, and how it was joined to the images
 poses-interpolated    info     images between two poses
+times-read            info     what a table of the images' times was taken for, and how it was joined to them
 times-of-recording    info     images of a bag have no time of their own
 ===================== ======== =====================================================================
 

@@ -45,6 +45,7 @@ from omnieval.datasets.scan import (
 )
 from omnieval.datasets.sequence import Camera, Frame, Pose, wrapped
 from omnieval.datasets.trajectory.load import posed_by_what_is_beside
+from omnieval.datasets.trajectory.times import times_beside
 from omnieval.errors import DatasetError
 from omnieval.wording import safe_name, shown
 
@@ -86,8 +87,10 @@ def _scan(root: Path, scheme: str, packaged: Card, own_cards: tuple[str, ...]) -
         matched = [name for name in matched if root / name != camera.mask]
     names = sorted(filter(has_image_suffix, matched), key=natural_key)
     if layout.ground_truth == BY_HEADING:
-        timed = _timed([Frame(root / name, name) for name in names])
+        times, remarks = times_beside(root, names)
+        timed = _timed([Frame(root / name, name, times.get(name)) for name in names])
         posed, findings = posed_by_what_is_beside(root, timed)
+        findings = [*remarks, *findings]
     else:
         captures, findings = _read_poses(root, names, layout.ground_truth)
         posed = _timed([_frame(root, name, captures.get(name)) for name in names])

@@ -19,8 +19,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
-from itertools import pairwise
+from decimal import Decimal
 from statistics import median
 
 import numpy as np
@@ -29,6 +28,7 @@ from numpy.typing import NDArray
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.scan import FARTHEST_M, pose_remarks
 from omnieval.datasets.sequence import Pose
+from omnieval.datasets.trajectory.clock import LARGEST_NS, exact, unit_of
 from omnieval.datasets.trajectory.columns import METRES, SECONDS, Column, Heading, Role, read_heading
 from omnieval.datasets.trajectory.plane import matrices, on_the_ground
 from omnieval.datasets.trajectory.text import Line, TextTable, is_number, read_text_table
@@ -37,7 +37,6 @@ from omnieval.wording import counted, shown
 
 DOCUMENTED = frozenset(("file", "x", "y", "yaw", "room", "time"))
 """Titles of columns that say all there is to say."""
-_LARGEST_TIME = 2**63 - 1
 _UNIT = 0.05
 """How far the norm of a quaternion may be from 1."""
 _MOST = 0.9
@@ -51,8 +50,6 @@ _ENOUGH = 1000
 """Rows that tell the form of a table."""
 _PLAIN_NUMBERS = re.compile(r"[-+.0-9eE\n]*")
 _FULL_TURN = math.tau * 1.01
-_LONG_INTERVAL_S = 1e5
-"""Seconds between two poses that are probably not seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,7 +356,7 @@ class _Reader:
         texts = [fields[column.index] for _, fields in self._rows]
         numbers: list[Decimal | None] = []
         for (line, _), text in zip(self._rows, texts, strict=True):
-            number = _decimal(text)
+            number = exact(text)
             if number is None and text:
                 self._complain(line, f"{shown(column.title)} '{shown(text)}' is not a number; {_mend(text)}")
             numbers.append(number)
@@ -370,7 +367,7 @@ class _Reader:
         times: list[int | None] = []
         for (line, _), number in zip(self._rows, numbers, strict=True):
             time = None if number is None else round(number * scale)
-            if time is not None and abs(time) > _LARGEST_TIME:
+            if time is not None and abs(time) > LARGEST_NS:
                 self._complain(line, f"time '{number}' is out of range; correct it, or name its unit, such as time_ns")
                 time = None
             times.append(time)
@@ -378,15 +375,10 @@ class _Reader:
 
     def _scale(self, times: Sequence[Decimal], title: str) -> int | None:
         """Return how many nanoseconds the unit of times is of which only the size tells it; None if it does not."""
-        ordered = sorted(map(float, times))  # near enough to tell how large they are
-        size = median(map(abs, ordered)) if ordered else 0.0
-        unit = next((unit for unit, least in _SINCE_THE_EPOCH if size >= least), "s")
-        intervals = [later - earlier for earlier, later in pairwise(ordered) if later > earlier]
-        if unit == "s" and intervals and median(intervals) > _LONG_INTERVAL_S:
-            message = (
-                f"{title} grows by {median(intervals):g} a row, too much for seconds; name its unit, such as time_ns"
-            )
-            self._findings.append(Finding("error", "unclear-times", self._file, message))
+        try:
+            unit = unit_of(times)
+        except ValueError as error:
+            self._findings.append(Finding("error", "unclear-times", self._file, f"{title} {error}"))
             return None
         if unit != "s":
             self._notes.append(f"{title} in {unit}")
@@ -408,19 +400,6 @@ class _Reader:
         pose = Pose(given[0], given[1], pose.yaw)
         self._findings += pose_remarks([(f"{self._file}:{line}", pose)], largest_yaw=math.inf)
         return pose
-
-
-_SINCE_THE_EPOCH = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
-"""From which size on times since the epoch are of a unit."""
-
-
-def _decimal(text: str) -> Decimal | None:
-    """Return a time exactly: a float would lose the last digits of one since the epoch."""
-    try:
-        number = Decimal(text) if is_number(text) else None
-    except InvalidOperation:
-        return None
-    return number if number is not None and number.is_finite() else None
 
 
 def _mend(text: str) -> str:
