@@ -56,16 +56,15 @@ class DescriptionStore:
         self._count = 0
         self._expected = 0
         self._anticipated: frozenset[int] = frozenset()
-        self._tiles: list[Tile] = []
+        self._all = _Others()
         self._group: Group | None = None
-        self._rows: dict[int, _Row] = {}
 
     def __len__(self) -> int:
         return self._count
 
     def append(self, description: Description) -> int:
         """Keep a description and return its number."""
-        if not (self._expected and self._tiles[self._count // TILE].has(self._count % TILE, description)):
+        if not (self._expected and self._all.tiles[self._count // TILE].has(self._count % TILE, description)):
             self._expected = 0
             self._put(self._count, description)
         else:
@@ -75,15 +74,24 @@ class DescriptionStore:
 
     def compare(self, query: int, others: NDArray[np.int64]) -> Distances:
         """Compare an image with others, by their numbers, shape (m,)."""
-        if self._group is None or query // TOGETHER != self._group.number:
-            self._rows = {}
-        row = self._row(query)
-        wanted = np.zeros(len(self._tiles), np.bool_)
+        wanted = np.zeros(len(self._all.tiles), np.bool_)
         wanted[others // TILE] = True
-        missing = np.flatnonzero(wanted & ~row.known)
-        if len(missing):
-            self._fill(query, missing.tolist())
+        row = self._row(query, self._all, wanted)
         return Distances(row.position[others], row.orientation[others], row.shifts[others])
+
+    def compare_selected(self, query: int, selection: Selection) -> Distances:
+        """Compare an image with all of a selection, in its order, shape (m,)."""
+        others, count = selection.others, len(selection)
+        group = self._group_of(query)
+        if selection.group is not group:  # another group, or one of its images has changed
+            others.rows, selection.group = {}, group
+        row = self._row(query, others, np.ones(len(others.tiles), np.bool_))
+        return Distances(row.position[:count], row.orientation[:count], row.shifts[:count])
+
+    def select(self, number: int, selection: Selection) -> None:
+        """Add an image to a selection."""
+        tile, place = divmod(number, TILE)
+        selection.add(self._all.tiles[tile], place)
 
     def expect(self, descriptions: Sequence[Description]) -> None:
         """Get to know the descriptions that come next, which are then compared together.
@@ -102,32 +110,30 @@ class DescriptionStore:
         self._anticipated = frozenset(queries)
 
     def _put(self, number: int, description: Description) -> None:
-        tile, place = divmod(number, TILE)
-        if tile == len(self._tiles):
-            self._tiles.append(Tile.empty(len(description.position), *description.orientation.shape))
-        self._tiles[tile].put(place, description)
-        self._rows.pop(number, None)
-        for row in self._rows.values():
-            row.forget(tile)
+        self._all.tile_for(number, description).put(number % TILE, description)
+        self._all.rows.pop(number, None)
         if self._group is not None and number // TOGETHER == self._group.number:
             self._group = None
 
-    def _row(self, query: int) -> _Row:
-        row = self._rows.setdefault(query, _Row())
-        row.reach(len(self._tiles))
+    def _row(self, query: int, others: _Others, wanted: NDArray[np.bool_]) -> _Row:
+        """Return the distances of an image from others, of which some tiles are wanted."""
+        group = self._group_of(query)
+        row = others.row(query)
+        missing = np.flatnonzero(wanted & ~row.known)
+        if len(missing):
+            self._fill(group, query, others, missing.tolist())
         return row
 
-    def _fill(self, query: int, tiles: Sequence[int]) -> None:
+    def _fill(self, group: Group, query: int, others: _Others, tiles: Sequence[int]) -> None:
         """Compare an image with some tiles, and with it those that will be asked about after it."""
-        group = self._group_of(query)
         first = group.number * TOGETHER
         place = query - first
         last = max(number for number in range(place, TOGETHER) if number == place or self._is_next(first + number)) + 1
-        rows = [self._row(first + number) for number in range(place, last)]
+        rows = [others.row(first + number) for number in range(place, last)]
 
         def fill(some: Sequence[int]) -> None:
             for number in some:
-                compared = group.compare(self._tiles[number], place, last)
+                compared = group.compare(others.tiles[number], place, last)
                 for row, position, orientation, shifts in zip(rows, *compared, strict=True):
                     row.put(number, position, orientation, shifts)
 
@@ -146,8 +152,65 @@ class DescriptionStore:
         number = query // TOGETHER
         if self._group is None or self._group.number != number:
             known = range(number * TOGETHER, min((number + 1) * TOGETHER, self._count + self._expected))
-            self._group = Group.of(number, [(self._tiles[one // TILE], one % TILE) for one in known])
+            self._all.rows = {}
+            self._group = Group.of(number, [(self._all.tiles[one // TILE], one % TILE) for one in known])
         return self._group
+
+
+class Selection:
+    """Some images of a store, in the order in which they were selected, laid together so that few tiles hold them."""
+
+    def __init__(self) -> None:
+        self.others = _Others()
+        self.group: Group | None = None
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, tile: Tile, place: int) -> None:
+        """Add the image at a place of a tile."""
+        self.others.tile_like(tile, self._count).take(self._count % TILE, tile, place)
+        self._count += 1
+
+    def copied(self) -> Selection:
+        """Return one that goes on by itself; full tiles, which never change again, are shared."""
+        other = Selection()
+        other._count = self._count
+        other.others.tiles = self.others.tiles.copy()
+        if self._count % TILE:
+            other.others.tiles[-1] = self.others.tiles[-1].copied()
+        return other
+
+
+class _Others:
+    """Tiles of images to compare with, and what is known of their distances from the images last asked for."""
+
+    def __init__(self) -> None:
+        self.tiles: list[Tile] = []
+        self.rows: dict[int, _Row] = {}
+
+    def row(self, query: int) -> _Row:
+        row = self.rows.setdefault(query, _Row())
+        row.reach(len(self.tiles))
+        return row
+
+    def tile_for(self, number: int, description: Description) -> Tile:
+        """Return the tile that an image with such a description is put into next."""
+        if number // TILE == len(self.tiles):
+            self.tiles.append(Tile.empty(len(description.position), *description.orientation.shape))
+        return self._changing(number // TILE)
+
+    def tile_like(self, tile: Tile, number: int) -> Tile:
+        """Return the tile that an image of another tile is put into next."""
+        if number // TILE == len(self.tiles):
+            self.tiles.append(Tile.empty(tile.positions.shape[1], *tile.orientations.shape[1:]))
+        return self._changing(number // TILE)
+
+    def _changing(self, tile: int) -> Tile:
+        for row in self.rows.values():
+            row.forget(tile)
+        return self.tiles[tile]
 
 
 class _Row:

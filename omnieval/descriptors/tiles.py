@@ -63,6 +63,17 @@ class Tile:
         self.spectra[:, :, place] = spectrum(exact)
         self.squares[:, place] = np.square(self.positions[place]).sum(), np.square(exact).sum()
 
+    def take(self, place: int, other: Tile, there: int) -> None:
+        """Put the image at a place of another tile at a place of this one."""
+        self.positions[place] = other.positions[there]
+        self.orientations[place] = other.orientations[there]
+        self.spectra[:, :, place] = other.spectra[:, :, there]
+        self.squares[:, place] = other.squares[:, there]
+
+    def copied(self) -> Tile:
+        """Return one that changes by itself."""
+        return Tile(self.positions.copy(), self.orientations.copy(), self.spectra.copy(), self.squares.copy())
+
     def has(self, place: int, description: Description) -> bool:
         """Whether this very image is at a place."""
         return np.array_equal(self.positions[place], description.position) and np.array_equal(

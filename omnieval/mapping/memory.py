@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
-from omnieval.descriptors.distance import DescriptionStore, Distances
+from omnieval.descriptors.distance import DescriptionStore, Distances, Selection
 from omnieval.errors import ConfigError
 
 T = TypeVar("T")
@@ -71,6 +71,11 @@ class ImageMemory:
         self._count += 1
         return self._count - 1
 
+    @property
+    def cells(self) -> int:
+        """Cells of the orientation descriptors; 0 before the first image."""
+        return 0 if self._shapes is None else self._shapes[1][0]
+
     def positions(self, frames: NDArray[np.int64]) -> NDArray[np.float64]:
         """Position descriptors of some images, shape (m, d)."""
         return self._positions[frames]
@@ -83,6 +88,14 @@ class ImageMemory:
     def compare(self, frame: int, frames: NDArray[np.int64]) -> Distances:
         """Compare an image with others, shape (m,)."""
         return self._store.compare(frame, frames)
+
+    def select(self, frame: int, selection: Selection) -> None:
+        """Add an image to a selection, which images are compared with at once by `compare_selected`."""
+        self._store.select(frame, selection)
+
+    def compare_selected(self, frame: int, selection: Selection) -> Distances:
+        """Compare an image with all of a selection, in its order, shape (m,)."""
+        return self._store.compare_selected(frame, selection)
 
     def expect(self, descriptions: Sequence[Description]) -> None:
         """Prepare for the descriptions that come next, which is faster all at once; see `DescriptionStore.expect`."""

@@ -5,7 +5,7 @@ import pytest
 
 from omnieval.descriptors import distance
 from omnieval.descriptors.description import Description
-from omnieval.descriptors.distance import DescriptionStore
+from omnieval.descriptors.distance import DescriptionStore, Selection
 
 
 def brute_force(query, other):
@@ -154,3 +154,39 @@ def test_images_that_were_expected_but_did_not_come_are_forgotten():
         plain.append(image)
         misled.append(image)
     assert all_numbers(misled, 45) == all_numbers(plain, 45)
+
+
+def same(one, other):
+    for field in ("position", "orientation", "shifts"):
+        np.testing.assert_allclose(getattr(one, field), getattr(other, field), rtol=1e-12)
+
+
+@pytest.mark.parametrize("ahead", [0, 5])
+def test_a_selection_is_compared_as_if_it_had_been_asked_for_by_numbers(ahead):
+    """Some are selected between two questions, and descriptions that were expected turn out to be others."""
+    rng = np.random.default_rng(4)
+    seen = [Description(d[:, 0].copy(), d) for d in rng.random((90, 16, 3), np.float32)]
+    store, selection = DescriptionStore(), Selection()
+    chosen: list[int] = []
+    for number, description in enumerate(seen):
+        if ahead and number % ahead == 0:
+            store.expect(seen[number : number + 3] + seen[:2])
+        store.append(description)
+        if chosen:
+            same(store.compare_selected(number, selection), store.compare(number, np.array(chosen)))
+        if number % 2 == 0:
+            store.select(number, selection)
+            chosen.append(number)
+            same(store.compare_selected(number, selection), store.compare(number, np.array(chosen)))
+
+
+def test_a_copied_selection_goes_on_by_itself():
+    store = a_store(np.random.default_rng(5).random((40, 8, 2), np.float32))
+    one, numbers = Selection(), list(range(33))
+    for number in numbers:
+        store.select(number, one)
+    other = one.copied()
+    store.select(35, one)
+    store.select(36, other)
+    same(store.compare_selected(39, one), store.compare(39, np.array([*numbers, 35])))
+    same(store.compare_selected(39, other), store.compare(39, np.array([*numbers, 36])))

@@ -1,1 +1,1 @@
-"""A mapper that measures travel by how fast images become unlike, and makes nodes of places near along the way."""
+"""A mapper that recognises places by runs of images, and makes nodes of what is near in the plane by dead reckoning."""

@@ -1,15 +1,16 @@
 """A mapper that recognises places by a run of images, and makes nodes of what is near along the way.
 
 1. **Travel.** A distance of two images is the geometric mean of their position and orientation distances. How it grows
-   between images 1, 2, 3, 5, ... frames apart turns every distance into frames of travel (`odometer`). Nothing else
-   about descriptor or building has to be known.
+   between images 1, 2, 3, 5, ... frames apart turns every distance into frames of travel (`odometer`). The roll that
+   aligns an image with the one before it tells how the robot turned (`motion`). Nothing else about descriptor or
+   building has to be known.
 2. **Keyframes.** An image that was not recognised and is more than `spacing` frames of travel from where the robot was
-   last becomes a keyframe, joined to that one by the travel between them (`graph`).
+   last becomes a keyframe, joined to that one by the way between them (`graph`).
 3. **Recognition.** A belief over keyframes goes along that graph from image to image (`belief`), and is weighed by how
    like the image is: between its predecessor and images of elsewhere. An image is recognised when the belief about
    one place reaches `sure`; it joins the node of the best keyframe there, and the ways meet at it.
-4. **Nodes.** A new keyframe joins the node whose keyframes are nearest along the graph, if they are within `extent`
-   on average, and else makes a node.
+4. **Nodes.** Keyframes within `reach` along the graph are laid out in the plane around a new one, by dead reckoning. It
+   joins the node whose keyframes are nearest there, if they are within `extent` on average, and else makes a node.
 
 The parts are well known: keyframes and a Bayes filter over places as in A. Angeli et al., *Fast and Incremental Method
 for Loop-Closure Detection Using Bags of Visual Words*, IEEE T-RO 2008, doi 10.1109/TRO.2008.2004514; runs of images as
@@ -19,23 +20,23 @@ in M. Milford, G. Wyeth, *SeqSLAM*, ICRA 2012, doi 10.1109/ICRA.2012.6224623.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from statistics import fmean as mean
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.descriptors.distance import Distances, Selection
 from omnieval.mapping.geodesic.belief import Belief
-from omnieval.mapping.geodesic.graph import KeyframeGraph
+from omnieval.mapping.geodesic.graph import KeyframeGraph, Way
+from omnieval.mapping.geodesic.motion import Motion, angle_of
 from omnieval.mapping.geodesic.odometer import LAGS, Odometer, RunningMedian
 from omnieval.mapping.geodesic.settings import GeodesicSettings
 from omnieval.mapping.interface import BranchingMapper, Column, Gate
 from omnieval.mapping.journal import Journal
 from omnieval.mapping.memory import ImageMemory
 from omnieval.mapping.step import Curves, EventKind, FinalMap, Match, NodeEvent, Placement, Role, Step
-
-HORIZON = 72.0
-"""Travel, in frames, beyond which two places are simply far from each other."""
 
 PLACE = 8.0
 """Travel around a keyframe that counts as the same place when beliefs are summed."""
@@ -46,11 +47,24 @@ _LARGEST_LOG = 6.0
 
 @dataclass(frozen=True)
 class _Here:
-    """Where the robot was last: at a keyframe, or so many frames of travel from it; and the travel at that time."""
+    """Where the robot was last.
+
+    Attributes
+    ----------
+    keyframe
+        The keyframe that it was at, or left last.
+    away
+        Travel from there.
+    travelled
+        In all, at that time.
+    pose
+        Where it is by now, seen from the keyframe.
+    """
 
     keyframe: int
     away: float
     travelled: float
+    pose: Motion
 
 
 class Geodesic(BranchingMapper):
@@ -79,12 +93,12 @@ class Geodesic(BranchingMapper):
         ),
         Gate(
             name="extent",
-            value="mean travel to the node's keyframes",
+            value="mean distance from the node's keyframes",
             threshold="extent",
             passing="let the keyframe join node {one}",
             refusing="keep the keyframe out of node {one}",
             of="node",
-            plot_to=HORIZON,
+            plot_to=0,
         ),
     )
     columns = (
@@ -101,13 +115,14 @@ class Geodesic(BranchingMapper):
         self._far = RunningMedian()
         self._graph = KeyframeGraph()
         self._belief = Belief(np.zeros(0))
+        self._keyframes = Selection()
         self._frames: list[int] = []
         self._when: list[float] = []
         self._node_of: list[int] = []
         self._keyframes_of: dict[int, tuple[int, ...]] = {}
         self._labels: list[int] = []
         self._founding: list[int] = []
-        self._here = _Here(0, 0.0, 0.0)
+        self._here = _Here(0, 0.0, 0.0, Motion())
 
     def decide(self, frame: int) -> Step:
         """See `BranchingMapper.decide`."""
@@ -115,28 +130,33 @@ class Geodesic(BranchingMapper):
         if frame == 0:
             return self._step(frame, "first", Role.FOUNDING, self._keyframe(frame, journal, None), journal)
         earlier = frame - np.array([lag for lag in LAGS if lag <= frame])
-        self._odometer.add(self._distances(frame, earlier))
-        keyframes = np.array(self._frames)
-        distances = self._distances(frame, keyframes)
+        before = self.images.compare(frame, earlier)
+        travelled = self._odometer.add(self._distances(before))
+        step = Motion.step(travelled, self._turn(before.shifts[0]))
+        self._here = replace(self._here, pose=self._here.pose.then(step))
+        compared = self.images.compare_selected(frame, self._keyframes)
+        distances = self._distances(compared)
         self._believe(distances)
         best, mass = self._best_place()
         measured = {
             "travelled": self._odometer.travelled,
             "belief": mass,
             "elsewhere": self._belief.elsewhere,
-            "keyframes": len(keyframes),
+            "keyframes": len(distances),
         }
         if mass is not None and journal.reach("belief", mass, self.settings.sure, parameter="sure"):
-            match = self._match(frame, best)
-            self._graph.join(self._here.keyframe, best, self._from_here(distances) + self._frames_of(distances[best]))
-            self._here = _Here(best, self._frames_of(distances[best]), self._odometer.travelled)
+            shift, away = int(compared.shifts[best]), self._frames_of(distances[best])
+            match, seen = Match(self._frames[best], self._node_of[best], shift), Motion(turn=self._turn(shift))
+            way = Way(self._from_here(distances) + away, self._here.pose.then(seen.back))
+            self._graph.join(self._here.keyframe, best, way)
+            self._here = _Here(best, away, self._odometer.travelled, seen)
             return self._step(
                 frame, "recognised", Role.JOINED, (), journal, match, measured, self._curves(), self._node_of[best]
             )
         away = self._from_here(distances)
         journal.compare("keyframe", [away], self.settings.spacing)
         if away <= self.settings.spacing:
-            self._here = _Here(self._here.keyframe, away, self._odometer.travelled)
+            self._here = replace(self._here, away=away, travelled=self._odometer.travelled)
             node = self._node_of[self._here.keyframe]
             return self._step(frame, "onward", Role.JOINED, (), journal, None, measured, self._curves(), node)
         events = self._keyframe(frame, journal, away)
@@ -157,12 +177,17 @@ class Geodesic(BranchingMapper):
         """See `BranchingMapper.fork`."""
         other = super().fork(settings)
         other._odometer, other._far, other._graph = self._odometer.copied(), self._far.copied(), self._graph.copied()
+        other._keyframes = self._keyframes.copied()
         return other
 
-    def _distances(self, frame: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
-        compared = self.images.compare(frame, others)
+    def _distances(self, compared: Distances) -> NDArray[np.float64]:
+        if self.images.cells == 1:  # there is no orientation part
+            return compared.position
         distances: NDArray[np.float64] = np.sqrt(compared.position * compared.orientation)
         return distances
+
+    def _turn(self, shift: int | np.integer) -> float:
+        return angle_of(int(shift), self.images.cells)
 
     def _frames_of(self, distance: float) -> float:
         return self._odometer.frames(distance)
@@ -207,18 +232,15 @@ class Geodesic(BranchingMapper):
         along = here.away + self._odometer.travelled - here.travelled
         return min(along, self._frames_of(distances[here.keyframe]))
 
-    def _match(self, frame: int, keyframe: int) -> Match:
-        shift = self.images.compare(frame, np.array([self._frames[keyframe]])).shifts[0]
-        return Match(self._frames[keyframe], self._node_of[keyframe], int(shift))
-
     def _keyframe(self, frame: int, journal: Journal, away: float | None) -> tuple[NodeEvent, ...]:
         """Make a keyframe of an image, and a node of it if it is far from all; return what happened to nodes."""
         keyframe = self._graph.add()
+        self.images.select(frame, self._keyframes)
         self._frames.append(frame)
         self._when.append(self._odometer.travelled)
         if away is not None:
-            self._graph.join(self._here.keyframe, keyframe, away)
-        self._here = _Here(keyframe, 0.0, self._odometer.travelled)
+            self._graph.join(self._here.keyframe, keyframe, Way(away, self._here.pose))
+        self._here = _Here(keyframe, 0.0, self._odometer.travelled, Motion())
         node = self._nearest_node(keyframe, journal)
         events: tuple[NodeEvent, ...] = ()
         if node is None:
@@ -230,12 +252,16 @@ class Geodesic(BranchingMapper):
         return events
 
     def _nearest_node(self, keyframe: int, journal: Journal) -> int | None:
-        """Return the node whose keyframes are nearest on average, if they are near enough."""
-        travel = self._graph.within(keyframe, HORIZON)
-        near = sorted({self._node_of[one] for one in travel if one != keyframe})
+        """Return the node whose keyframes are nearest on average, if they are near enough.
+
+        A keyframe out of reach counts as that far away.
+        """
+        reach = self.settings.reach
+        distances = {one: motion.distance for one, motion in self._graph.seen_from(keyframe, reach).items()}
+        near = sorted({self._node_of[one] for one in distances if one != keyframe})
         if not near:
             return None
-        means = [float(np.mean([travel.get(one, HORIZON) for one in self._keyframes_of[node]])) for node in near]
+        means = [mean([distances.get(one, reach) for one in self._keyframes_of[node]]) for node in near]
         best, extent = int(np.argmin(means)), self.settings.extent
         joins = means[best] <= extent
         between = (means[best], np.inf) if joins else (-np.inf, means[best])

@@ -6,6 +6,7 @@ distance between images that are 1, 2, 3, 5, ... frames apart is a curve that tu
 
 from __future__ import annotations
 
+import math
 from bisect import insort
 from copy import copy
 from typing import Self
@@ -17,7 +18,10 @@ LAGS = (1, 2, 3, 5, 8, 13, 21, 34)
 """Frames between the images that the curve is made of."""
 
 _LEAST, _MOST = 0.05, 2.0
-"""Travel between successive images: never nothing, so that no two places are the same; no leap by one odd image."""
+"""Frames between successive images: never nothing, so that no two places are the same; no leap by one odd image."""
+
+_STILL = 0.5
+"""Successive images that are less unlike than this, relative to the median, were taken standing still."""
 
 
 class RunningMedian:
@@ -60,14 +64,23 @@ class Odometer:
         self._medians = [RunningMedian() for _ in LAGS]
         self._curve: NDArray[np.float64] = np.array([0.0])
 
-    def add(self, distances: NDArray[np.float64]) -> None:
-        """Take in how far an image is from those `LAGS` before it, as many as there are, shape (at most 8,)."""
+    def add(self, distances: NDArray[np.float64]) -> float:
+        """Take in how far an image is from those `LAGS` before it, as many as there are, shape (at most 8,).
+
+        Returns
+        -------
+        The travel since the image before. What a distance says of so short a way is half noise: it is halved on a
+        logarithmic scale.
+        """
         for median, distance in zip(self._medians, distances.tolist(), strict=False):
             median.add(distance)
         known = [median.value for median in self._medians if median]
         # Farther apart is never nearer; where the medians say otherwise, they say nothing.
         self._curve = np.concatenate([[0.0], np.maximum.accumulate(known)])
-        self.travelled += min(max(float(self.frames(distances[0])), _LEAST), _MOST)
+        moved = distances[0] > _STILL * self.step
+        travel = math.sqrt(min(self.frames(distances[0]), _MOST)) if moved else _LEAST
+        self.travelled += travel
+        return travel
 
     def frames(self, distance: float | np.floating) -> float:
         """Return the frames of travel between images at a distance: never nothing, at most the largest known lag."""

@@ -9,6 +9,7 @@ import pytest
 
 from omnieval.descriptors.description import Description
 from omnieval.mapping.geodesic.mapper import Geodesic
+from omnieval.mapping.geodesic.motion import angle_of
 from omnieval.mapping.geodesic.settings import GeodesicSettings
 from omnieval.mapping.memory import ImageMemory
 from omnieval.mapping.step import Role
@@ -39,19 +40,22 @@ def circuit(laps: float, length: int = 120, offset: float = 0.0, seed: int = 1) 
     ("descriptions", "settings"),
     [
         (circuit(1.7, length=80), {"gap": 30.0}),
-        (circuit(1.6, length=70, seed=5), {"extent": 9.0, "spacing": 1.0, "gap": 20.0, "sure": 0.6}),
+        (circuit(1.6, length=70, seed=5), {"extent": 5.0, "reach": 12.0, "spacing": 1.0, "gap": 20.0, "sure": 0.6}),
         (World(seed=4, visits=4, spread=1.0).describe(), {"gap": 10.0, "likeness": 0.3, "sharpness": 0.2}),
         (World(seed=9, visits=4, repeats=0.3).describe(), {"extent": 5.0, "leave": 0.1, "enter": 0.05}),
     ],
 )
 def test_every_step_agrees_with_the_plain_mapper(descriptions: list[Description], settings: dict[str, float]) -> None:
-    memory, rows = ImageMemory(), []
+    memory, rows, turns = ImageMemory(), [], []
     memory.expect(descriptions)
     for description in descriptions:
         compared = memory.compare(memory.append(description), np.arange(len(memory)))
         rows.append(np.sqrt(compared.position * compared.orientation).tolist())
+        turns.append([angle_of(shift, memory.cells) for shift in compared.shifts.tolist()])
     mapper = Geodesic(GeodesicSettings(**settings))
-    plain = PlainGeodesic(lambda one, other: rows[max(one, other)][min(one, other)], **settings)
+    plain = PlainGeodesic(
+        lambda one, other: rows[max(one, other)][min(one, other)], lambda one, other: turns[one][other], **settings
+    )
     for frame, description in enumerate(descriptions):
         step = mapper.step(description)
         plain.step(frame)
@@ -104,9 +108,19 @@ def test_a_robot_that_turns_travels_no_farther() -> None:
         assert a.measured.get("travelled", 0.0) == pytest.approx(b.measured.get("travelled", 0.0), rel=1e-6)
 
 
+def test_without_an_orientation_part_the_position_level_decides_alone() -> None:
+    whole = circuit(2)
+    alone = [dataclasses.replace(one, orientation=np.ones((1, 1), np.float32)) for one in whole]
+    mapper = Geodesic()
+    steps = [mapper.step(one) for one in alone]
+    recognised = [step for step in steps[120:] if step.match]
+    assert len(recognised) > 80
+    assert all(abs(step.match.frame - (step.frame - 120)) <= 3 for step in recognised if step.match)
+
+
 def test_a_larger_extent_makes_no_more_nodes() -> None:
     counts = []
-    for extent in (4.0, 18.0, 64.0):
+    for extent in (2.0, 10.0, 28.0):
         mapper = Geodesic(GeodesicSettings(extent=extent))
         for description in circuit(1.5):
             mapper.step(description)

@@ -42,13 +42,11 @@ class TestOdometer:
         assert self.steady(count=4).frames(100.0) == 3.0
         assert self.steady().frames(0.0) == self.steady().frames(1e-9) == 0.05
 
-    def test_travel_is_that_of_successive_images_a_pause_next_to_nothing_a_leap_two_frames(self) -> None:
+    def test_a_pause_is_next_to_nothing_and_a_leap_no_more_than_two_frames_halved_on_a_logarithmic_scale(self) -> None:
         odometer = self.steady()
-        assert odometer.travelled == pytest.approx(39.0)
-        odometer.add(np.zeros(8))
-        assert odometer.travelled == pytest.approx(39.05)
-        odometer.add(np.full(8, 3.0))
-        assert odometer.travelled == pytest.approx(41.05)
+        steps = [odometer.add(np.full(8, distance)) for distance in (0.0, 0.05, 0.0501, 0.144, 3.0)]
+        assert steps == pytest.approx([0.05, 0.05, np.sqrt(0.501), 1.2, np.sqrt(2)])
+        assert odometer.travelled == pytest.approx(39.0 + sum(steps))
 
     def test_what_seems_nearer_from_farther_away_says_nothing(self) -> None:
         odometer = Odometer()
