@@ -16,7 +16,8 @@ _KEPT = 8
 
 def view(
     runs: Annotated[
-        list[Path], typer.Argument(help="Folders of runs or localisations, or recordings (.rrd).", metavar="RUN")
+        list[Path],
+        typer.Argument(help="Folders of runs, localisations or ablations, or recordings (.rrd).", metavar="RUN"),
     ],
     web: Annotated[
         bool, typer.Option("--web", help="Serve them to a browser on this machine, until Ctrl-C; needs no display.")
@@ -26,6 +27,9 @@ def view(
     ] = 9090,
 ) -> None:
     """Open the recordings of runs in one Rerun viewer; all have the same layout.
+
+    Of several folders, those without a recording are left out, and named: runs/* opens all that there is. Of an
+    ablation, what was recorded of it (--rrd best).
 
     Two runs over the same images are also shown side by side at the same step, in a recording of its own that is made
     from their tables and kept in the cache folder.
@@ -39,22 +43,23 @@ def view(
 
       omnieval view runs/a runs/b
 
+      omnieval view runs/*
+
       omnieval view --web runs/a
     """
     from omnieval.cli.console import note
-    from omnieval.localization.run import KIND as LOCALIZATION
-    from omnieval.localization.run import RECORDING
     from omnieval.recording.viewer import check_recording, open_viewer
-    from omnieval.results.manifest import expanded, kind_of
     from omnieval.results.run_folder import open_run
 
-    opened = [open_run(run) for run in runs if not _is_recording(run) and kind_of(run) != LOCALIZATION]
-    recordings = [run for run in runs if _is_recording(run)] + [_recording(run.folder, run.recording) for run in opened]
-    recordings += [_recording(run, expanded(run) / RECORDING) for run in runs if kind_of(run) == LOCALIZATION]
+    recordings, without = _found(runs)
     for recording in recordings:
         check_recording(recording)
-    if len(opened) == len(runs) == 2 and (both := _side_by_side(opened[0], opened[1])):
-        recordings.append(both)
+    if without:
+        note(f"left out, without a recording: {', '.join(map(str, without))}; omnieval render RUN makes one of a run")
+    if len(runs) == 2 and not without and not any(map(_is_no_run, runs)):
+        one, other = map(open_run, runs)
+        if both := _side_by_side(one, other):
+            recordings.append(both)
     if len(recordings) > 1:
         note(f"{len(recordings)} recordings: switch with Ctrl+Alt+Up and Down, or in the left panel (Ctrl+Shift+B)")
     if web:
@@ -80,6 +85,61 @@ def _serve(recordings: list[Path], port: int) -> None:
         note(f"from another machine: ssh {forwarded} {socket.gethostname()}, then the same address there")
         note("Ctrl-C ends it")
         served.wait()
+
+
+def _found(given: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Return the recordings of what was given, and which of several folders have none.
+
+    Raises
+    ------
+    ResultError
+        If none has one, or one that was named alone, or by a name with nothing of omnieval's behind it.
+    """
+    from omnieval.errors import ResultError
+
+    recordings: list[Path] = []
+    without: list[Path] = []
+    said: ResultError | None = None
+    for one in given:
+        try:
+            recordings.append(one if _is_recording(one) else _recording_in(one))
+        except ResultError as error:
+            if not one.is_dir():
+                raise
+            said = said or error
+            without.append(one)
+    if said is not None and not recordings:
+        raise said
+    return recordings, without
+
+
+def _recording_in(folder: Path) -> Path:
+    """Return the recording of a folder of results."""
+    from omnieval.ablation.store import BEST
+    from omnieval.ablation.store import KIND as ABLATION
+    from omnieval.errors import ResultError
+    from omnieval.localization.run import KIND as LOCALIZATION
+    from omnieval.localization.run import RECORDING
+    from omnieval.results.manifest import expanded, kind_of
+    from omnieval.results.run_folder import open_run
+
+    kind = kind_of(folder)
+    if kind == LOCALIZATION:
+        return _recording(folder, expanded(folder) / RECORDING)
+    if kind == ABLATION:
+        best = expanded(folder) / BEST
+        if not best.exists():
+            raise ResultError(f"{folder} has no recording; make it again with --rrd best, which records its best run")
+        return _recording(best, open_run(best).recording)
+    run = open_run(folder)
+    return _recording(run.folder, run.recording)
+
+
+def _is_no_run(path: Path) -> bool:
+    from omnieval.results.manifest import kind_of
+    from omnieval.results.run_folder import KIND
+
+    return kind_of(path) != KIND
 
 
 def _is_recording(path: Path) -> bool:

@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 from omnieval.mapping.interface import Method
 from omnieval.recording import entities
 from omnieval.recording.entities import capital, gate_plot, plotted_gates
+from omnieval.recording.node_places import GRAPH_BORDER, GRAPH_SIZE
 from omnieval.recording.styles import BACKGROUND_COLOR
 from omnieval.recording.viewport import Extent, map_window
 
@@ -94,13 +95,11 @@ def map_view(name: str, extent: Extent | None, root: str = "") -> rrb.View:
 
 
 def _places(extent: Extent | None) -> rrb.Container:
+    half_width, half_height = (size / 2 + GRAPH_BORDER for size in GRAPH_SIZE)
     graph = rrb.GraphView(
         origin=entities.GRAPH,
         name="Topological graph",
-        force_link=rrb.archetypes.ForceLink(distance=48.0),
-        force_many_body=rrb.archetypes.ForceManyBody(strength=-60.0),
-        force_collision_radius=rrb.archetypes.ForceCollisionRadius(enabled=True, strength=1.0),
-        force_position=rrb.archetypes.ForcePosition(enabled=True, strength=0.03, position=(0.0, 0.0)),
+        visual_bounds=rrb.VisualBounds2D(x_range=(-half_width, half_width), y_range=(-half_height, half_height)),
     )
     return rrb.Vertical(map_view("Map (pending nodes in brackets)", extent), graph, row_shares=[0.64, 0.36])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -13,14 +14,18 @@ from omnieval.explain.scene import Scene
 from omnieval.mapping.partition import Partition, count_transitions
 from omnieval.mapping.step import Role
 from omnieval.recording import entities
+from omnieval.recording.node_places import GraphLayout, apart, below, number_size
 from omnieval.recording.rows import NO_SEGMENTS, Arrow, Graph, Points, Row, Segments
 from omnieval.recording.styles import CLOSURES, FAINT_COLOR, ROLE_COLORS, WHITE, node_color
-from omnieval.recording.viewport import Origin
+from omnieval.recording.viewport import Extent, Origin, map_window
 
 _CLOSURES = {Role.JOINED: entities.MAP_ACCEPTED, Role.REFUSED: entities.MAP_REFUSED}
 """Where the line to the best match of an image goes, by what became of it."""
 
 Edges = Sequence[tuple[int, int]]
+
+_NUDGE = 0.2
+"""Numbers move when a node has moved by so much of a number."""
 
 HEADING_METRES = 0.6
 """Length of the robot's arrow."""
@@ -36,10 +41,17 @@ class Overview:
     ----------
     origin
         What is subtracted from positions (`viewport.origin_of`), metres.
+    extent
+        That of the capture positions, seen from `origin`; None without poses.
     """
 
-    def __init__(self, origin: Origin = (0.0, 0.0)) -> None:
+    def __init__(self, origin: Origin = (0.0, 0.0), extent: Extent | None = None) -> None:
         self._origin = origin
+        self._width = None if extent is None else map_window(extent).width
+        self._numbers: Points | None = None
+        self._numbered_at = np.zeros((0, 2))
+        self._layout = GraphLayout()
+        self._places: tuple[tuple[float, float], ...] = ()
         self._positions = np.full((64, 2), np.nan)
         self._rooms = Rooms()
         self._last_drawn = 0
@@ -62,22 +74,49 @@ class Overview:
         labels = partition.labels
         rows = self._image_rows(frame, labels, relabelled=bool(scene.step.events))
         edges = tuple(count_transitions(labels))
-        rows += node_rows(labels, self._positions[: frame + 1], partition.active, edges, self._rooms)
+        nodes = node_rows(labels, self._positions[: frame + 1], partition.active, edges, self._rooms)
+        rows += [*nodes, *self._number_rows(nodes)]
         rows += self._robot_rows(scene)
         rows += self._closure_rows(scene)
-        graph = topological_graph(labels, partition.active, edges)
+        graph = self._placed(topological_graph(labels, partition.active, edges))
         if graph != self._graph:
             self._graph = graph
             rows.append((entities.GRAPH, graph))
         return rows
 
+    def _placed(self, graph: Graph) -> Graph:
+        """Return the graph with the places of its nodes, which move only when it has other nodes or edges."""
+        drawn = self._graph
+        if drawn is None or (graph.nodes, graph.edges) != (drawn.nodes, drawn.edges):
+            edges = [(int(a), int(b)) for a, b in graph.edges]
+            places = self._layout.place([int(node) for node in graph.nodes], edges)
+            self._places = tuple((x, y) for x, y in places.tolist())
+        return replace(graph, places=self._places)
+
+    def _number_rows(self, nodes: Sequence[tuple[str, Row]]) -> list[tuple[str, Row]]:
+        """Return the numbers of nodes, beside each other, when nodes have come, gone or moved by much of a number."""
+        points = next((row for _, row in nodes if isinstance(row, Points)), None)
+        if points is None or self._width is None:
+            return []
+        size = number_size(self._width)
+        shown, still = self._numbers, False
+        if shown is not None and shown.labels == points.labels:
+            still = bool((np.abs(points.positions - self._numbered_at) < _NUDGE * np.array(size)).all())
+        if still:
+            return []
+        places = apart(below(points.positions.astype(np.float64), self._width), size)
+        self._numbers, self._numbered_at = Points(places, points.classes, points.labels), points.positions
+        return [(entities.MAP_NUMBERS, self._numbers)]
+
     def final_rows(self, labels: NDArray[np.int64], active: frozenset[int]) -> list[tuple[str, Row]]:
         """Return the map as it is when the leftovers have been placed."""
         edges = tuple(count_transitions(labels))
+        nodes = node_rows(labels, self._positions[: len(labels)], active, edges, self._rooms)
         return [
             *self._image_rows(len(labels), labels, relabelled=True),
-            *node_rows(labels, self._positions[: len(labels)], active, edges, self._rooms),
-            (entities.GRAPH, topological_graph(labels, active, edges)),
+            *nodes,
+            *self._number_rows(nodes),
+            (entities.GRAPH, self._placed(topological_graph(labels, active, edges))),
         ]
 
     def _image_rows(self, frame: int, labels: NDArray[np.int64], *, relabelled: bool) -> list[tuple[str, Row]]:
@@ -159,12 +198,13 @@ def node_rows(
 
 
 def topological_graph(labels: NDArray[np.int64], active: frozenset[int], edges: Edges) -> Graph:
-    """Return the nodes of the map and the transitions between them; needs no positions."""
+    """Return the nodes of the map and the transitions between them, not placed yet; needs no positions."""
     nodes = [node for node in np.unique(labels).tolist() if node > 0]
     return Graph(
         nodes=tuple(str(node) for node in nodes),
         labels=tuple(_node_label(node, active) for node in nodes),
         colors=tuple(node_color(node) for node in nodes),
+        places=((0.0, 0.0),) * len(nodes),
         edges=tuple((str(a), str(b)) for a, b in edges),
     )
 

@@ -104,7 +104,7 @@ class Recorder:
         if viewer is not None:
             self._stream.follow(build_blueprint(info.method, info.steps, self._extent, play="following"))
         self._partition = Partition()
-        self._overview = Overview(origin)
+        self._overview = Overview(origin, self._extent)
         self._charts = Charts(info.method)
         self._facts = ImageFacts(info.method)
         self._final_labels: NDArray[np.int64] | None = None

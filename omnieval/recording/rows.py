@@ -226,11 +226,12 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Graph:
-    """The topological graph: nodes with label and colour, undirected edges between node ids."""
+    """The topological graph: nodes with label, colour and place, undirected edges between node ids."""
 
     nodes: tuple[str, ...]
     labels: tuple[str, ...]
     colors: tuple[int, ...]
+    places: tuple[tuple[float, float], ...]
     edges: tuple[tuple[str, str], ...] = field(default=())
 
     @classmethod
@@ -241,6 +242,7 @@ class Graph:
             node_ids=[node for row in rows for node in row.nodes],
             labels=[label for row in rows for label in row.labels],
             colors=np.array([color for row in rows for color in row.colors], np.uint32),
+            positions=np.array([place for row in rows for place in row.places], np.float32).reshape(-1, 2),
         ).partition(lengths)
         edges = [edge for row in rows for edge in row.edges]
         counts = [len(row.edges) for row in rows]

@@ -89,7 +89,7 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
         )
         try:
             stream.name(f"{one.folder.name} | {other.folder.name}", {"a": str(one.folder), "b": str(other.folder)})
-            sides = _record_steps(stream, runs, agreement, shown, origin)
+            sides = _record_steps(stream, runs, agreement, shown, origin, extent)
             rooms = one.steps["room"].drop_nulls().unique(maintain_order=True).to_list()
             stream.static(entities.LANE_ROOM, lambda: room_states(rooms))
             _log_styles(stream, count, extent, matched_nodes(*(side.labels for side in sides)))
@@ -103,11 +103,11 @@ def record_pair(path: Path, one: Run, other: Run, agreement: Agreement) -> Path:
 class _Side:
     """One of the two runs, followed step by step."""
 
-    def __init__(self, root: str, lane: str, method: Method, origin: Origin) -> None:
+    def __init__(self, root: str, lane: str, method: Method, origin: Origin, extent: Extent | None) -> None:
         self._root = root
         self._lane = lane
         self._method = method
-        self._overview = Overview(origin)
+        self._overview = Overview(origin, extent)
         self._state: str | None = None
         self.partition = Partition()
 
@@ -129,11 +129,16 @@ class _Side:
 
 
 def _record_steps(
-    stream: Stream, runs: tuple[Run, Run], agreement: Agreement, shown: Gate | None, origin: Origin
+    stream: Stream,
+    runs: tuple[Run, Run],
+    agreement: Agreement,
+    shown: Gate | None,
+    origin: Origin,
+    extent: Extent | None,
 ) -> list[_Side]:
     explainers = [RunExplainer(run) for run in runs]
     sides = [
-        _Side(root, lane, explainer.method, origin)
+        _Side(root, lane, explainer.method, origin, extent)
         for root, lane, explainer in zip(_ROOTS, _LANES, explainers, strict=True)
     ]
     before: tuple[bool, bool] | None = None

@@ -160,7 +160,8 @@ def map_styles(steps: int, extent: Extent | None) -> Iterator[tuple[str, Style]]
     yield entities.MAP_REFUSED, rr.LineStrips2D.from_fields(draw_order=24.0)
     yield entities.MAP_TRAIL, rr.LineStrips2D.from_fields(radii=ui(1.0), draw_order=30.0)
     yield entities.MAP_MATCH, rr.LineStrips2D.from_fields(radii=ui(1.5), draw_order=31.0)
-    yield entities.MAP_NODES, rr.Points2D.from_fields(radii=ui(7.0), show_labels=True, draw_order=40.0)
+    yield entities.MAP_NODES, rr.Points2D.from_fields(radii=ui(7.0), show_labels=False, draw_order=40.0)
+    yield entities.MAP_NUMBERS, rr.Points2D.from_fields(radii=ui(0.5), colors=WHITE, show_labels=True, draw_order=41.0)
     yield entities.MAP_HEADING, rr.Arrows2D.from_fields(radii=ui(2.0), colors=WHITE, draw_order=50.0)
     robot = rr.Points2D.from_fields(radii=ui(5.0), colors=WHITE, show_labels=False, draw_order=51.0)
     yield entities.MAP_ROBOT, robot

@@ -1,6 +1,8 @@
 """``omnieval view`` opens one run or several in one viewer; what starts the viewer is put aside here."""
 
 import contextlib
+import json
+import shutil
 import signal
 import socket
 from pathlib import Path
@@ -72,6 +74,25 @@ def test_recordings_are_opened_as_well(recorded, opened):
     assert opened == [Path("a/replay.rrd"), Path("c/replay.rrd")]
 
 
+def test_of_several_what_has_no_recording_is_left_out_and_named(recorded, opened):
+    (recorded / "notes").mkdir(exist_ok=True)
+    result = in_process("view", "a", "b", "notes", "c", cwd=recorded)
+    assert result.returncode == 0
+    assert opened == [Path("a/replay.rrd"), Path("c/replay.rrd")]
+    assert "left out, without a recording: b, notes; omnieval render RUN makes one" in result.stderr
+    assert "2 recordings: switch with" in result.stderr
+
+
+def test_of_an_ablation_the_run_that_was_recorded_is_opened(recorded, opened, monkeypatch):
+    folder = recorded / "swept"
+    monkeypatch.chdir(recorded)
+    folder.mkdir(exist_ok=True)
+    (folder / "run.json").write_text(json.dumps({"kind": "ablation"}))
+    shutil.copytree(recorded / "c", folder / "best", dirs_exist_ok=True)
+    assert in_process("view", "swept", cwd=recorded).returncode == 0
+    assert opened == [Path("swept/best/replay.rrd")]
+
+
 def test_on_request_they_are_served_to_a_browser(recorded, opened, monkeypatch):
     served = []
 
@@ -93,12 +114,16 @@ def test_on_request_they_are_served_to_a_browser(recorded, opened, monkeypatch):
     ("arguments", "words"),
     [
         (["b"], ["b has no recording", "omnieval render b"]),
-        (["a", "b"], ["b has no recording", "omnieval render b"]),
+        (["b", "sweep"], ["b has no recording", "omnieval render b"]),
+        (["sweep"], ["sweep has no recording", "--rrd best"]),
+        (["a", "nothing"], ["nothing is not a run folder"]),
         (["nothing"], ["nothing is not a run folder"]),
         (["nothing.rrd"], ["no recording at nothing.rrd"]),
         ([], ["RUN"]),
     ],
 )
 def test_every_slip_gets_one_line_and_opens_nothing(two_runs, opened, arguments, words):
+    (two_runs / "sweep").mkdir(exist_ok=True)
+    (two_runs / "sweep" / "run.json").write_text(json.dumps({"kind": "ablation"}))
     fails(in_process("view", *arguments, cwd=two_runs), 2, *words)
     assert opened == []

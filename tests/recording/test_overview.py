@@ -97,6 +97,21 @@ def test_the_graph_is_logged_when_it_changes():
     assert len(graphs) < 60
 
 
+def test_numbers_of_nodes_stand_apart_and_move_rarely():
+    partition, overview = Partition(), Overview(extent=(0.0, 0.0, 40.0, 20.0))
+    logged, shown, worst = 0, None, 0.0
+    for a_step in steps(200):
+        partition.apply(a_step)
+        rows = by_entity(overview.rows(scene(a_step), partition))
+        shown = rows.get(entities.MAP_NUMBERS, shown)
+        logged += entities.MAP_NUMBERS in rows
+        nodes = rows[entities.MAP_NODES]
+        assert shown.labels == nodes.labels
+        worst = max(worst, float(np.abs(shown.positions - nodes.positions).max()))
+    assert worst < 4.0
+    assert logged < 100
+
+
 def test_the_graph_joins_nodes_that_follow_each_other():
     graph = topological_graph(np.array([1, 2, 0, 3, 3, 2]), frozenset({1, 2}), [(1, 2), (2, 3)])
     assert graph.nodes == ("1", "2", "3")
