@@ -49,7 +49,7 @@ class Overview:
         self._origin = origin
         self._width = None if extent is None else map_window(extent).width
         self._numbers: Points | None = None
-        self._numbered_at = np.zeros((0, 2))
+        self._numbered_at: NDArray[np.float64] = np.zeros((0, 2))
         self._layout = GraphLayout()
         self._places: tuple[tuple[float, float], ...] = ()
         self._positions = np.full((64, 2), np.nan)
@@ -104,8 +104,9 @@ class Overview:
             still = bool((np.abs(points.positions - self._numbered_at) < _NUDGE * np.array(size)).all())
         if still:
             return []
-        places = apart(below(points.positions.astype(np.float64), self._width), size)
-        self._numbers, self._numbered_at = Points(places, points.classes, points.labels), points.positions
+        at = points.positions.astype(np.float64)
+        places = apart(below(at, self._width), size)
+        self._numbers, self._numbered_at = Points(places, points.classes, points.labels), at
         return [(entities.MAP_NUMBERS, self._numbers)]
 
     def final_rows(self, labels: NDArray[np.int64], active: frozenset[int]) -> list[tuple[str, Row]]:

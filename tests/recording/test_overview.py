@@ -106,6 +106,7 @@ def test_numbers_of_nodes_stand_apart_and_move_rarely():
         shown = rows.get(entities.MAP_NUMBERS, shown)
         logged += entities.MAP_NUMBERS in rows
         nodes = rows[entities.MAP_NODES]
+        assert shown is not None
         assert shown.labels == nodes.labels
         worst = max(worst, float(np.abs(shown.positions - nodes.positions).max()))
     assert worst < 4.0
