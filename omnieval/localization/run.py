@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,10 @@ class Localization:
     def __repr__(self) -> str:
         sequences = ", ".join(source["sequence"] for source in self.manifest.get("queries", ()))
         return f"Localization({self.folder}: {sequences} in {self.manifest['map']['sequence']})"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: what was looked for where, and how well it was found."""
+        return f"<p><strong>{escape(repr(self))}</strong></p>{self.measures._repr_html_()}"
 
     @cached_property
     def table(self) -> pl.DataFrame:

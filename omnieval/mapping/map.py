@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from omnieval.descriptors.description import Description
 from omnieval.mapping.partition import count_transitions
 from omnieval.mapping.representative import representative_frames
 from omnieval.mapping.step import FinalMap
+
+_NODES_SHOWN = 12
+"""Nodes that a notebook shows of a map."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,28 @@ class TopologicalMap:
     def __repr__(self) -> str:
         of = f" of {sequence}" if (sequence := self.about.get("sequence")) else ""
         return f"TopologicalMap({len(self.nodes)} nodes over {len(self)} images{of})"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the map in a line, and its largest nodes with their rooms."""
+        sizes = {int(node): len(self.images_of(int(node))) for node in self.nodes}
+        largest = sorted(sizes, key=lambda node: (-sizes[node], node))[:_NODES_SHOWN]
+        active = set(self.nodes[self.active].tolist())
+        rows = "".join(
+            f"<tr><td>{node}</td><td>{'active' if node in active else 'pending'}</td><td>{sizes[node]}</td>"
+            f"<td>{escape(self._rooms_of(node))}</td></tr>"
+            for node in largest
+        )
+        rest = len(sizes) - len(largest)
+        more = f"<p>and {rest} smaller ones</p>" if rest else ""
+        heads = "".join(f"<th>{head}</th>" for head in ("node", "state", "images", "rooms"))
+        said = f"<p><strong>{escape(repr(self))}</strong>, {len(self.edges)} edges</p>"
+        return f"{said}<table><tr>{heads}</tr>{rows}</table>{more}"
+
+    def _rooms_of(self, node: int) -> str:
+        """Return the rooms of the images of a node, the commonest first."""
+        names, counts = np.unique(self.rooms[self.images_of(node)], return_counts=True)
+        ranked = sorted(zip(counts.tolist(), names.tolist(), strict=True), key=lambda one: (-one[0], one[1]))
+        return ", ".join(f"{name} {count}" for count, name in ranked if name)
 
     @property
     def cells(self) -> int:

@@ -1,7 +1,10 @@
-"""A run in the viewer of a notebook."""
+"""A run in the viewer of a notebook, and how far one has come."""
 
 from __future__ import annotations
 
+import html
+import time
+from collections.abc import Callable
 from typing import Literal
 from weakref import WeakKeyDictionary
 
@@ -15,6 +18,9 @@ from omnieval.recording.blueprint import build_blueprint
 from omnieval.recording.viewer import check_recording
 from omnieval.recording.viewport import around, extent_of, origin_of
 from omnieval.results.run_folder import Run
+
+_SECONDS_BETWEEN = 0.2
+"""A bar is drawn no more often: each time is a message to the browser."""
 
 _SHOWN: WeakKeyDictionary[rerun.notebook.Viewer, rr.RecordingStream] = WeakKeyDictionary()
 """A file is sent when the notebook is ready for it, so the recording has to live as long as its viewer."""
@@ -59,3 +65,41 @@ def show(run: Run, *, size: tuple[int, int] | None = None) -> rerun.notebook.Vie
     recording.log_file_from_path(run.recording)
     _SHOWN[viewer] = recording
     return viewer
+
+
+def progress(title: str = "images") -> Callable[[int, int], None]:
+    """Return a bar below the cell, for `progress` of `omnieval.replay`, `localize`, `ablate` and `baseline`.
+
+    Parameters
+    ----------
+    title
+        What is counted.
+
+    Returns
+    -------
+    Callable[[int, int], None]
+        To be called with how many are done, and of how many.
+
+    Raises
+    ------
+    OmnievalError
+        If this is no notebook.
+    """
+    try:
+        from IPython.display import HTML, display
+    except ImportError as error:
+        raise OmnievalError("there is no notebook here: IPython is not installed; leave progress out") from error
+    handle = display(HTML(""), display_id=True)
+    if handle is None:
+        raise OmnievalError("there is no notebook here to show a bar in; leave progress out")
+    drawn = -_SECONDS_BETWEEN
+
+    def show_done(done: int, total: int) -> None:
+        nonlocal drawn
+        if done < total and time.monotonic() - drawn < _SECONDS_BETWEEN:
+            return
+        drawn = time.monotonic()
+        words = f"{html.escape(title)} {done:,} of {total:,}"
+        handle.update(HTML(f'<progress value="{done}" max="{max(total, 1)}"></progress> {words}'))
+
+    return show_done

@@ -135,6 +135,9 @@ def test_a_limited_map_is_that_of_a_shorter_run(mapped, panoramas, darker, tmp_p
 
 
 def test_it_is_opened_again(found):
+    shown = found._repr_html_()
+    assert str(found.folder.name) in shown
+    assert shown.count("<table") == 1
     again = open_localization(found.folder)
     assert again.table.equals(found.table)
     assert again.manifest["metrics"] == json.loads((found.folder / "run.json").read_text())["metrics"]

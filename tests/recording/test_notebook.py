@@ -1,8 +1,10 @@
 """A notebook shows a run in the layout of the viewer, whether or not the viewer for notebooks is installed here."""
 
 import gc
+import sys
+import types
 import weakref
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import rerun.notebook
@@ -77,3 +79,51 @@ def test_without_the_viewer_for_notebooks_it_says_what_to_install(run, monkeypat
     monkeypatch.setattr(rerun.notebook, "HAS_NOTEBOOK", False)
     with pytest.raises(OmnievalError, match=r"pip install 'rerun-sdk\[notebook\]'"):
         shown(run)
+
+
+class FakeDisplay:
+    """Takes what would be shown below the cell."""
+
+    def __init__(self, *, is_notebook=True):
+        self.shown = []
+        self.is_notebook = is_notebook
+        self.HTML = str
+
+    def display(self, value, *, display_id):
+        assert display_id
+        self.shown.append(value)
+        return self if self.is_notebook else None
+
+    def update(self, value):
+        self.shown.append(value)
+
+
+def test_a_bar_is_drawn_at_the_first_and_the_last_and_not_all_the_time(monkeypatch):
+    here = FakeDisplay()
+    monkeypatch.setitem(sys.modules, "IPython", types.ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", cast("types.ModuleType", here))
+    monkeypatch.setattr("omnieval.recording.notebook.time.monotonic", lambda: 5.0)
+    done = notebook.progress("<images>")
+    for number in range(1, 1001):
+        done(number, 1000)
+    assert here.shown == [
+        "",
+        '<progress value="1" max="1000"></progress> &lt;images&gt; 1 of 1,000',
+        '<progress value="1000" max="1000"></progress> &lt;images&gt; 1,000 of 1,000',
+    ]
+
+
+@pytest.mark.parametrize("display", [None, FakeDisplay(is_notebook=False)], ids=["no IPython", "no notebook"])
+def test_elsewhere_there_is_no_bar(display, monkeypatch):
+    monkeypatch.setitem(sys.modules, "IPython", None if display is None else types.ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    with pytest.raises(OmnievalError, match="there is no notebook here"):
+        notebook.progress()
+
+
+def test_a_map_shows_its_largest_nodes_with_their_rooms(run):
+    shown = run.map._repr_html_()
+    assert shown.count("<tr>") == 1 + len(run.map.nodes)
+    assert f"{len(run.map.nodes)} nodes over 30 images" in shown
+    assert "R0 16" in shown
+    assert len(shown) < 3000
