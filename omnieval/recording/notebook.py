@@ -5,7 +5,8 @@ from __future__ import annotations
 import html
 import time
 from collections.abc import Callable
-from typing import Literal
+from importlib import import_module
+from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
 import rerun as rr
@@ -86,10 +87,10 @@ def progress(title: str = "images") -> Callable[[int, int], None]:
         If this is no notebook.
     """
     try:
-        from IPython.display import HTML, display
+        notebook: Any = import_module("IPython.display")
     except ImportError as error:
         raise OmnievalError("there is no notebook here: IPython is not installed; leave progress out") from error
-    handle = display(HTML(""), display_id=True)
+    handle = notebook.display(notebook.HTML(""), display_id=True)
     if handle is None:
         raise OmnievalError("there is no notebook here to show a bar in; leave progress out")
     drawn = -_SECONDS_BETWEEN
@@ -100,6 +101,6 @@ def progress(title: str = "images") -> Callable[[int, int], None]:
             return
         drawn = time.monotonic()
         words = f"{html.escape(title)} {done:,} of {total:,}"
-        handle.update(HTML(f'<progress value="{done}" max="{max(total, 1)}"></progress> {words}'))
+        handle.update(notebook.HTML(f'<progress value="{done}" max="{max(total, 1)}"></progress> {words}'))
 
     return show_done
