@@ -45,6 +45,8 @@ class Input:
         What was changed of the sequence (`datasets.perturbation`); empty if nothing was.
     replicate
         The number of the perturbation among those drawn; None if none were.
+    in_map
+        In whose map its images are looked for besides; None if in none.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Input:
     skipped: tuple[BadImage, ...] | None = None
     perturbation: str = ""
     replicate: int | None = None
+    in_map: Input | None = None
 
     @property
     def rest(self) -> Cut:

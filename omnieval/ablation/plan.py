@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from omnieval.datasets import Sequence as ImageSequence
 from omnieval.datasets import load
 from omnieval.datasets.perturbation import OPTIONS as OF_PERTURBATION
 from omnieval.datasets.perturbation import Perturbation
+from omnieval.datasets.registry import canonical
 from omnieval.datasets.source import apart
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.settings import ImagingConfig
@@ -64,6 +65,7 @@ def make_plan(
     skip_bad: bool = False,
     perturbations: Sequence[Perturbation] = (),
     tune_on: Sequence[Source] = (),
+    localize: Mapping[str, str] | None = None,
 ) -> Plan:
     """Validate grid and sources whole, and lay out the jobs.
 
@@ -77,6 +79,8 @@ def make_plan(
         Every source is run with each of them (`datasets.perturbation`); none: as it is.
     tune_on
         Sources that parameters are chosen on; run as well if they are not among `sources`.
+    localize
+        In the map of which source the images of another are looked for besides, both among the sources.
 
     Raises
     ------
@@ -102,6 +106,7 @@ def make_plan(
         inputs += own
     if tune_on and not faults and all(apart(one.source, OF_PERTURBATION)[0] in tuned_on for one in inputs):
         raise ConfigError("--tune-on names all sequences; name others too, to be judged on")
+    inputs = _in_maps(inputs, localize or {})
     if misfits := [*_twice(inputs), *_too_short(inputs, configs)]:
         raise ConfigError("; ".join([*misfits, *map(str, faults)]))
     if faults:
@@ -116,6 +121,29 @@ def make_plan(
         exact,
         tuple(tuned_on),
     )
+
+
+def _in_maps(inputs: Sequence[Input], localize: Mapping[str, str]) -> list[Input]:
+    """Return the inputs, each with the one in whose map it is looked for: of the same replicate.
+
+    Raises
+    ------
+    ConfigError
+        If a source is not among the inputs.
+    """
+    pairs = {canonical(query): canonical(map_) for query, map_ in localize.items()}
+    known = {(_bare(one), one.replicate): one for one in inputs}
+    for source in dict.fromkeys([*pairs, *pairs.values()]):
+        if source not in {bare for bare, _ in known}:
+            raise ConfigError(f"{source} is to be localised, or localised in, and is not among the sequences")
+    return [
+        replace(one, in_map=known[pairs[bare], one.replicate]) if (bare := _bare(one)) in pairs else one
+        for one in inputs
+    ]
+
+
+def _bare(one: Input) -> str:
+    return apart(one.source, OF_PERTURBATION)[0]
 
 
 def _inputs(
@@ -193,6 +221,8 @@ def _grid(
         "types": types,
         "exact": [exact.name, exact.first, exact.last] if exact else None,
     }
+    if any(one.in_map for one in inputs):
+        grid["localize"] = {one.source: one.in_map.source for one in inputs if one.in_map}
     if any(one.skipped is not None for one in inputs):
         grid["skipped"] = {one.source: [bad.file for bad in one.skipped or ()] for one in inputs}
     plain: dict[str, Any] = json.loads(json.dumps(grid))

@@ -88,6 +88,7 @@ def ablate(
     replicates: int | None = None,
     tune_on: Source | Iterable[Source] = (),
     tune_by: str = "silhouette",
+    localize: Mapping[str, str] | None = None,
     jobs: int = 1,
     out: str | Path | None = None,
     resume: bool = False,
@@ -125,6 +126,8 @@ def ablate(
         is run with each of as many perturbations (`datasets.perturbation`).
     tune_on, tune_by
         Choose parameters on these sources by this metric, and judge them on the others.
+    localize
+        In the map of which source the images of another are looked for besides.
     jobs, out, resume, overwrite, csv, keep_steps, record_best, fail_fast, progress
         See `run_plan`.
 
@@ -147,6 +150,7 @@ def ablate(
         cut=Cut(start, stride, limit),
         skip_bad=skip_bad,
         perturbations=drawn(perturb, replicates),
+        localize=localize,
         tune_on=[tune_on] if isinstance(tune_on, str | Path | ImageSequence) else list(tune_on),
     )
     return run_plan(
@@ -297,10 +301,14 @@ def fingerprints(described: Mapping[str, Described]) -> dict[str, dict[str, str]
     return {"dataset_fingerprints": {json.loads(key)["source"]: one.fingerprint for key, one in described.items()}}
 
 
-def dataset_key(job: Job) -> str:
-    """Return what the descriptions of a job's images depend on, as text; equal keys share them."""
+def dataset_key(job: Job, *, of_map: bool = False) -> str:
+    """Return what the descriptions of a job's images depend on, as text; equal keys share them.
+
+    With `of_map`, those of the images in whose map they are looked for.
+    """
+    assert not of_map or job.input.in_map is not None
     about = {
-        "source": job.input.source,
+        "source": (job.input.in_map if of_map and job.input.in_map else job.input).source,
         "descriptor": job.config.descriptor.identity,
         "imaging": job.config.imaging.model_dump(mode="json"),
     }
@@ -361,9 +369,15 @@ class _Work:
         """Run what is not done yet and keep each row as it comes."""
         done = _done(self.store.parts())
         waiting = [job for job in self.plan.jobs if job.number not in done]
+
+        def in_map(job: Job) -> Described | None:
+            return described[dataset_key(job, of_map=True)] if job.input.in_map else None
+
         trees = plant(waiting, [dataset_key(job) for job in waiting], self.processes)
         futures = {
-            pool.submit(grow, list(map(_sent, tree)), described[dataset_key(tree[0])], self._steps_files(tree)): tree
+            pool.submit(
+                grow, list(map(_sent, tree)), described[dataset_key(tree[0])], self._steps_files(tree), in_map(tree[0])
+            ): tree
             for tree in trees
         }
         ended = len(self.plan.jobs) - len(waiting)
@@ -414,7 +428,8 @@ def _sent(job: Job) -> Job:
     mapper, descriptor = job.config.mapper, replace(job.config.descriptor, given=None)
     if mapper.spec is not None:
         mapper = replace(mapper, given=None)
-    return replace(job, config=replace(job.config, mapper=mapper, descriptor=descriptor))
+    alone = replace(job.input, given=Path(), in_map=job.input.in_map and replace(job.input.in_map, given=Path()))
+    return replace(job, input=alone, config=replace(job.config, mapper=mapper, descriptor=descriptor))
 
 
 def _refuse_mappers_of_this_process(jobs: Iterable[Job]) -> None:

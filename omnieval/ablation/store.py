@@ -6,6 +6,7 @@ parts/00012.json     the rows of job 12 (one; of an interval one a piece) and it
 steps/00012.parquet  its decision trace, if asked for
 ablation.parquet     all rows in the order of the grid, when all jobs have ended
 ablation.csv         the same, if asked for
+benchmark.md         the page, of the benchmark
 best/                the run folder of the best run, if asked for
 descriptors/         of all images, while it runs
 """
@@ -33,6 +34,7 @@ from omnieval.results.schemas import ablation_schema
 KIND = "ablation"
 TABLE = "ablation.parquet"
 CSV = "ablation.csv"
+PAGE = "benchmark.md"
 _PARTS = "parts"
 _ALWAYS = {"job", "dataset", "source", "mapper", "descriptor", "seconds", "error"}
 """Columns that every row has, whatever came of it."""
@@ -65,7 +67,7 @@ class Store:
         resume
             Keep its parts and go on with it; `check` tells whether it is the same.
         """
-        files = [TABLE, CSV]
+        files = [TABLE, CSV, PAGE]
         if not resume:
             best = results_inside(self.folder, BEST, RUN, (*FILES, *report_inside(self.folder / BEST)))
             files += [f"{_PARTS}/*.json", f"{_STEPS}/*.parquet", f"{_DESCRIPTORS}/*/*.npy", *best]

@@ -10,9 +10,10 @@ import polars as pl
 from omnieval.datasets.perturbation import OPTIONS
 from omnieval.datasets.source import apart
 from omnieval.metrics.catalogue import BY_NAME, METRICS
+from omnieval.results.schemas import FOUND
 
 _BY = ("dataset", "source", "mapper", "descriptor")
-_MEANS = (*METRICS, "batch_silhouette", "smallest_margin", "seconds")
+_MEANS = (*METRICS, *FOUND, "batch_silhouette", "smallest_margin", "seconds")
 
 
 def over_replicates(table: pl.DataFrame) -> pl.DataFrame:

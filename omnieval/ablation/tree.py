@@ -66,7 +66,9 @@ def plant(jobs: Sequence[Job], keys: Sequence[str], processes: int) -> list[list
     ]
 
 
-def grow(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, Path]) -> list[dict[str, Any]]:
+def grow(
+    jobs: Sequence[Job], described: Described, steps_files: Mapping[int, Path], in_map: Described | None = None
+) -> list[dict[str, Any]]:
     """Run the jobs of one tree and return their rows, all but `batch_silhouette`; a job that fails has its error.
 
     Parameters
@@ -77,15 +79,29 @@ def grow(jobs: Sequence[Job], described: Described, steps_files: Mapping[int, Pa
         Their images.
     steps_files
         Where to keep decision traces (`schemas.steps_schema`), by job.
+    in_map
+        Images in whose map theirs are looked for besides; None if in none.
     """
     with threadpool_limits(1):  # so that nothing depends on how many jobs run beside this one
         try:
-            return list(_rows(jobs, described, steps_files))
+            rows = list(_rows(jobs, described, steps_files))
+            return rows if in_map is None else [_with_found(row, jobs, described, in_map) for row in rows]
         except Exception as error:
             if len(jobs) == 1:
                 return [failed_row(jobs[0], error)]
     # What failed is found by running them one by one.
-    return [row for job in jobs for row in grow([job], described, steps_files)]
+    return [row for job in jobs for row in grow([job], described, steps_files, in_map)]
+
+
+def _with_found(row: dict[str, Any], jobs: Sequence[Job], described: Described, in_map: Described) -> dict[str, Any]:
+    """Return the row of a job with what comes of looking for its images in the map of others."""
+    if row["error"] is not None:
+        return row
+    from omnieval.ablation.finding import found_in
+
+    job = next(job for job in jobs if job.number == row["job"])
+    assert job.input.in_map is not None
+    return {**row, "map": job.input.in_map.name, **found_in(job.config.mapper, in_map, described)}
 
 
 @dataclass

@@ -59,7 +59,8 @@ def ablate(
         list[str] | None,
         typer.Option(
             help="Axes of an experiment of the paper (figures-9-10, table-2, table-3), named parameters of the mapper "
-            "(recommended, paper-literal), or one of each.",
+            "(recommended, paper-literal), or one of each; or benchmark: all mappers and descriptors on the synthetic "
+            "buildings 2 to 6, joined by those of --mapper and --descriptor.",
             metavar="NAME",
         ),
     ] = None,
@@ -131,6 +132,8 @@ def ablate(
 
       omnieval ablate --preset figures-9-10 --out runs/figures --resume
 
+      omnieval ablate --preset benchmark --jobs 2 --out runs/benchmark
+
       omnieval ablate --replicates 20 --perturb start=0:30,mirror=1,noise=2
 
       omnieval ablate synthetic:night --vary n_new=10:50:10 --tune-on synthetic
@@ -147,7 +150,8 @@ def ablate(
     chosen = {"mapper": mapper, "descriptor": descriptor}
     cut = options.cut(start, stride, limit)
     about = poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
-    given = [options.source_with(source, *about) for source in sources or ["synthetic"]]
+    benchmark, presets = _benchmark(preset)
+    given = [options.source_with(source, *about) for source in sources or _default_sources(benchmark=benchmark)]
     tuning = [source for text in tune_on or () for source in ([text] if "#" in text else text.split(","))]
     settings = options.settings(set_, config, camera)
     plan = _plan(
@@ -157,11 +161,12 @@ def ablate(
         span,
         chosen,
         settings,
-        preset,
+        presets,
         cut,
         skip_bad,
         drawn(perturb, replicates),
-        [options.source_with(source, *about) for source in tuning],
+        benchmark=benchmark,
+        tune_on=[options.source_with(source, *about) for source in tuning],
     )
     check_tuning(plan, tune_by)
     if dry_run:
@@ -182,6 +187,8 @@ def ablate(
             progress=report,
         )
     _print(ablation, plan, json=json)
+    if benchmark:
+        _write_page(ablation)
     if ablation.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -197,15 +204,20 @@ def _plan(
     cut: Cut,
     skip_bad: bool,
     perturbations: Sequence[Perturbation],
+    *,
+    benchmark: bool,
     tune_on: Sequence[str],
 ) -> Plan:
     """Return the plan the options ask for."""
     from omnieval.ablation.grid import EXPERIMENTS, make_axis, parse_axis, preset_axes, read_axes
     from omnieval.ablation.plan import make_plan
+    from omnieval.ablation.suite import benchmark_axes, benchmark_pairs
 
     axes = [make_axis(kind, names, f"--{kind} {names}") for kind, names in chosen.items() if names is not None]
     axes += [axis for file in files or () for axis in read_axes(file)]
     axes += [parse_axis(text) for text in vary or ()]
+    if benchmark:
+        axes = benchmark_axes(axes)
     experiment, named = _presets(presets or (), axes)
     if experiment is not None:
         axes = preset_axes(axes, EXPERIMENTS[experiment], experiment)
@@ -219,12 +231,27 @@ def _plan(
         skip_bad=skip_bad,
         perturbations=perturbations,
         tune_on=tune_on,
+        localize=benchmark_pairs(sources or ()) if benchmark else None,
     )
+
+
+def _benchmark(presets: Sequence[str] | None) -> tuple[bool, list[str]]:
+    """Return whether the benchmark is among the presets, and the others."""
+    from omnieval.ablation.suite import BENCHMARK
+
+    return BENCHMARK in (presets or ()), [name for name in presets or () if name != BENCHMARK]
+
+
+def _default_sources(*, benchmark: bool) -> list[str]:
+    from omnieval.ablation.suite import benchmark_sources
+
+    return benchmark_sources() if benchmark else ["synthetic"]
 
 
 def _presets(names: Sequence[str], axes: Sequence[Axis]) -> tuple[str | None, str | None]:
     """Return the experiment and the named parameters among the presets."""
     from omnieval.ablation.grid import EXPERIMENTS
+    from omnieval.ablation.suite import BENCHMARK
     from omnieval.config import presets
     from omnieval.errors import ConfigError
     from omnieval.wording import did_you_mean
@@ -233,12 +260,32 @@ def _presets(names: Sequence[str], axes: Sequence[Axis]) -> tuple[str | None, st
     known = {name for mapper in mappers for name in presets(mapper)}
     for name in names:
         if name not in EXPERIMENTS and name not in known:
-            raise ConfigError(f"unknown preset {name!r}; {did_you_mean(name, [*EXPERIMENTS, *sorted(known)])}")
+            raise ConfigError(
+                f"unknown preset {name!r}; {did_you_mean(name, [*EXPERIMENTS, BENCHMARK, *sorted(known)])}"
+            )
     experiments = [name for name in names if name in EXPERIMENTS]
     parameters = [name for name in names if name in known]
     if len(experiments) > 1 or len(parameters) > 1:
         raise ConfigError(f"--preset {', '.join(names)}: take at most one experiment and one set of parameters")
     return next(iter(experiments), None), next(iter(parameters), None)
+
+
+def _write_page(ablation: Ablation) -> None:
+    """Write the page of a benchmark beside its table, and say where."""
+    import shlex
+    import sys
+
+    from omnieval.ablation.store import KIND, PAGE
+    from omnieval.cli.console import note
+    from omnieval.comparison.page import benchmark_page
+    from omnieval.results.atomic import replacing
+    from omnieval.results.manifest import read_manifest
+
+    command = shlex.join(["omnieval", *sys.argv[1:]])
+    page = benchmark_page(ablation.table, command, read_manifest(ablation.folder, KIND))
+    with replacing(ablation.folder / PAGE) as temporary:
+        temporary.write_text(page, "utf-8")
+    note(f"the page is {ablation.folder / PAGE}")
 
 
 def _print_jobs(plan: Plan, out: Path | None, *, keep_steps: bool, json: bool) -> None:

@@ -6,34 +6,28 @@ metrics are by sequence and strategy.
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import math
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
 
 from omnieval.components import Component
 from omnieval.config import Config, with_camera
-from omnieval.datasets.sequence import Frame
-from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError, ResultError
 from omnieval.imaging.settings import ImagingConfig
+from omnieval.localization.answers import Query, answers
 from omnieval.localization.measures import Measures, measure
 from omnieval.localization.parts import kept_images, map_of_part
-from omnieval.localization.strategies import LEVELS, STRATEGIES, Strategy, check_strategies, has_levels
-from omnieval.localization.table import queries_frame, query_row
-from omnieval.localization.truth import truth_of
+from omnieval.localization.strategies import LEVELS, STRATEGIES, check_strategies, has_levels
+from omnieval.localization.table import queries_frame
 from omnieval.loop import RUNS
 from omnieval.mapping.map import TopologicalMap
-from omnieval.mapping.memory import AHEAD, blocks
 from omnieval.material import ARCHIVE, Cut, Source, named, opened, other_images, other_kind
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
@@ -186,7 +180,7 @@ def localize(
         for strategy in chosen:
             finder = STRATEGIES[strategy](map_, mapper)
             for query in queries:
-                for row in _answers(finder, query, within):
+                for row in answers(finder, query, within):
                     rows.append(row)
                     if progress:
                         progress(len(rows), total)
@@ -226,19 +220,9 @@ def measures_of(table: pl.DataFrame, within: float, images: int) -> dict[str, di
     }
 
 
-@dataclass(frozen=True)
-class _Query:
-    """A sequence to find in a map, described."""
-
-    name: str
-    frames: tuple[Frame, ...]
-    descriptions: tuple[Description, ...]
-    about: dict[str, Any]
-
-
 def _described(
     sources: Sequence[Source], config: Config, cut: Cut, map_: TopologicalMap, *, skip_bad: bool
-) -> list[_Query]:
+) -> list[Query]:
     """Return sequences, described as the images of the map were; one that has the name of another is numbered.
 
     Raises
@@ -246,7 +230,7 @@ def _described(
     ResultError
         If they cannot be: the camera makes other panoramas, or an archive has other descriptors.
     """
-    queries: list[_Query] = []
+    queries: list[Query] = []
     for source in sources:
         refused = f"{named(source)} cannot be found in the map of {map_.about['sequence']}"
         if fault := other_kind(source, config.descriptor):
@@ -258,7 +242,7 @@ def _described(
             name = _free_name(material.name, [query.name for query in queries])
             fingerprint = dataset_fingerprint(material.frames, [one.digest for one in described])
             about = {**material.about, "sequence": name, "dataset_fingerprint": fingerprint}
-            queries.append(_Query(name, material.frames, tuple(one.description for one in described), about))
+            queries.append(Query(name, material.frames, tuple(one.description for one in described), about))
     return queries
 
 
@@ -301,30 +285,6 @@ def _config(map_: TopologicalMap, mapper: Component, camera: str | Path | None) 
         descriptor = descriptor.again()
     imaging = ImagingConfig.model_validate(map_.about["imaging"])
     return Config(mapper, descriptor, imaging if camera is None else with_camera(imaging, Path(camera)))
-
-
-def _answers(finder: Strategy, query: _Query, within: float) -> Iterator[dict[str, Any]]:
-    """Yield the row of every image of a query, in order."""
-    for block in blocks(enumerate(zip(query.frames, query.descriptions, strict=True)), AHEAD):
-        started = time.perf_counter()
-        finder.expect([description for _, (_, description) in block])
-        ahead = (time.perf_counter() - started) / len(block)
-        for number, (frame, description) in block:
-            started = time.perf_counter()
-            found = finder.find(description)
-            milliseconds = 1e3 * (time.perf_counter() - started + ahead)
-            found = dataclasses.replace(found, step=dataclasses.replace(found.step, frame=number))
-            truth = truth_of(finder.map, found, _xy(frame), _yaw(frame), within)
-            yield query_row(number, query.name, finder.name, frame, found, truth, finder.map, milliseconds)
-
-
-def _xy(frame: Frame) -> tuple[float, float] | None:
-    pose = frame.pose
-    return (pose.x, pose.y) if pose and np.isfinite([pose.x, pose.y]).all() else None
-
-
-def _yaw(frame: Frame) -> float | None:
-    return frame.pose.yaw if frame.pose and math.isfinite(frame.pose.yaw) else None
 
 
 def _free_name(name: str, taken: Sequence[str]) -> str:

@@ -144,6 +144,20 @@ work that the rows of one table share. `k` is the number of clusters asked for, 
 `similarity` is null where none is used."""
 
 
+FOUND: dict[str, type[pl.DataType]] = {
+    "error_mean": pl.Float64,
+    "error_median": pl.Float64,
+    "error_p95": pl.Float64,
+    "reachable_mean": pl.Float64,
+    "recall@1": pl.Float64,
+    "recall@5": pl.Float64,
+    "refused": pl.Int32,
+    "node_accuracy": pl.Float64,
+    "room_accuracy": pl.Float64,
+    "heading_error_median": pl.Float64,
+}
+"""What an ablation says of localisation, by the names that `localization.measures` gives."""
+
 _PARAMETER_TYPES: dict[str, type[pl.DataType]] = {"float": pl.Float64, "int": pl.Int64, "text": pl.String}
 
 
@@ -158,11 +172,12 @@ def ablation_schema(parameters: Mapping[str, str]) -> pl.Schema:
 
     One row a run, in the order of its grid (`job`): the source, what was perturbed of it and as which replicate (null
     if nothing was), mapper and descriptor, every parameter (null where the row's components have none of that name),
-    the metrics of a run, the silhouette of batch spectral clustering with as many clusters as the map has nodes, the
-    smallest margin, where it was, the seconds of mapping, and the error of a run that failed (its other results are
-    null). What runs have in common is computed once, and its seconds are divided among them. With `exact`, the name
-    of a parameter, a row holds for all its values from `exact_from` up to below `exact_to` (the last row of an
-    interval up to and with it); else these are null.
+    the metrics of a run, those of looking for its images in the map of another sequence (`map`, by `strategy`; null
+    where that was not asked for), the silhouette of batch spectral clustering with as many clusters as the map has
+    nodes, the smallest margin, where it was, the seconds of mapping, and the error of a run that failed (its other
+    results are null). What runs have in common is computed once, and its seconds are divided among them. With
+    `exact`, the name of a parameter, a row holds for all its values from `exact_from` up to below `exact_to` (the
+    last row of an interval up to and with it); else these are null.
     """
     return table_schema(
         {
@@ -175,6 +190,9 @@ def ablation_schema(parameters: Mapping[str, str]) -> pl.Schema:
             "descriptor": pl.String,
             **{name: _PARAMETER_TYPES[kind] for name, kind in parameters.items()},
             **_METRICS,
+            "map": pl.String,
+            "strategy": pl.String,
+            **FOUND,
             "batch_silhouette": pl.Float64,
             "smallest_margin": pl.Float64,
             "smallest_margin_frame": pl.Int32,
