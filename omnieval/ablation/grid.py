@@ -48,7 +48,7 @@ class Span:
 
     @property
     def origin(self) -> str:
-        """Where it was said."""
+        """The option that asked for it, for messages."""
         return f"--exact {self.name}={self.first:g}:{self.last:g}"
 
 

@@ -335,7 +335,7 @@ def check_tuning(plan: Plan, tune_by: str) -> None:
 
 @dataclass(frozen=True)
 class _Work:
-    """A plan being run."""
+    """A plan that is being run: its jobs, those that are done, and where their rows go."""
 
     plan: Plan
     store: Store

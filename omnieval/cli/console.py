@@ -72,6 +72,8 @@ def library_notes() -> Iterator[None]:
 
 
 class _Notes(logging.Handler):
+    """Says what is logged as notes of ours, each message once."""
+
     def __init__(self) -> None:
         super().__init__()
         self._said: set[str] = set()

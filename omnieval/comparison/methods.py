@@ -47,7 +47,7 @@ class Group:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """Its name in tables: the values of what it is grouped by."""
         return " ".join(value_text(value) for value in self.key if value is not None) or "-"
 
     def values(self, metric: str) -> dict[tuple[Any, ...], float]:

@@ -53,7 +53,7 @@ OWN_CARD = "card.toml"
 """Name of a card beside the data."""
 INNOVA = "innova"
 INNOVA_CARD = "innova.toml"
-"""The same, for INNOVA only."""
+"""Name of a card beside the images of INNOVA."""
 
 _PLAIN = Card(name="folder", title="", get="", citation="", layout=Layout(images="*", ground_truth=BY_HEADING))
 """What is taken for granted where no card says otherwise."""

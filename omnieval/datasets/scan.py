@@ -24,9 +24,9 @@ _UNREAD_SUFFIXES = (
     *(".gif", ".heic", ".heif", ".avif", ".jp2", ".jxl", ".jpe", ".jfif", ".tga", ".svg", ".pbm", ".pnm", ".pfm"),
     *(".exr", ".hdr", ".raw", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".insp"),
 )
-"""Of images that are not read."""
+"""Endings of images that are known, and not read."""
 IMAGE_KINDS = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
-"""The same for messages."""
+"""The kinds of images that are read, as messages list them."""
 FARTHEST_M = 3e7
 """No map of the Earth has larger coordinates, UTM included: one beyond is a slip, such as a time."""
 

@@ -22,7 +22,7 @@ Content = rr.AsComponents | list[rr.DescribedComponentBatch]
 FLUSH_STEPS = 50
 """Steps gathered before they are sent; a killed process loses at most these."""
 LIVE_FLUSH_STEPS = 10
-"""The same while somebody watches."""
+"""Steps gathered before they are sent while somebody watches."""
 
 _FLUSH_SECONDS = 10.0
 

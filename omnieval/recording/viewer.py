@@ -115,7 +115,7 @@ class WebViewer:
         return f"http://{_LOOPBACK}:{self.page_port}/?url={data}"
 
     def wait(self) -> None:
-        """Wait until it ends."""
+        """Wait until the viewer ends."""
         if self.process is not None:
             self.process.wait()
 

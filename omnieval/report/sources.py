@@ -80,12 +80,12 @@ class Replay:
 
     @property
     def descriptor(self) -> str:
-        """What described the images."""
+        """Name of the descriptor."""
         return self.config.descriptor.name
 
     @property
     def mapper(self) -> str:
-        """What decided."""
+        """Name of the mapper."""
         return self.config.mapper.name
 
     @property
@@ -164,7 +164,7 @@ class Sweep:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """Name of its folder, as titles have it."""
         return self.folder.resolve().name
 
     @property
@@ -188,7 +188,7 @@ class Baseline:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """Name of its folder, as titles have it."""
         return self.folder.resolve().name
 
 

@@ -139,7 +139,7 @@ class ResultFolder:
         self.update({**about, "metrics": {}, **began, **content})
 
     def update(self, content: dict[str, Any]) -> None:
-        """Say more in ``run.json``."""
+        """Add this to what ``run.json`` says, and write it."""
         together = self.content | content
         write_json(together, self.path / MANIFEST)
         self.content = together

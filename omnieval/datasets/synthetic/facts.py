@@ -41,7 +41,7 @@ class Rendered:
 
     @property
     def name(self) -> str:
-        """How runs name it."""
+        """Its name in run folders and tables."""
         return "-".join(("synthetic", *self.words))
 
 
