@@ -163,7 +163,7 @@ def estimate_of(values: Mapping[str, Any]) -> MirrorEstimate:
 
 @dataclass(frozen=True, slots=True)
 class _Rim:
-    """A circle that may be the rim: how much of it lies in the image and is seen, and how well it fits the edges, pixels."""
+    """A circle that may be the rim, how much of it the image has and shows, and how far edges lie from it, pixels."""
 
     circle: Circle
     visible: float
