@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from omnieval.exports.write import Exported, export
     from omnieval.localization.run import Localization, localize, open_localization
     from omnieval.loop import describe_archive, replay
+    from omnieval.mapping.birch import Birch, BirchSettings
     from omnieval.mapping.geodesic.mapper import Geodesic
     from omnieval.mapping.geodesic.settings import GeodesicSettings
     from omnieval.mapping.interface import BranchingMapper, Column, Gate, Mapper
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
         Role,
         Step,
     )
+    from omnieval.mapping.valley import Valley, ValleySettings
     from omnieval.recording import RecordingOptions
     from omnieval.regression.gate import check
     from omnieval.report.write import write_report
@@ -72,6 +74,8 @@ _HOMES = {
     "export": "exports.write",
     "describe_archive": "loop",
     "replay": "loop",
+    "Birch": "mapping.birch",
+    "BirchSettings": "mapping.birch",
     "BranchingMapper": "mapping.interface",
     "Column": "mapping.interface",
     "Gate": "mapping.interface",
@@ -92,6 +96,8 @@ _HOMES = {
     "Placement": "mapping.step",
     "Role": "mapping.step",
     "Step": "mapping.step",
+    "Valley": "mapping.valley",
+    "ValleySettings": "mapping.valley",
     "RecordingOptions": "recording",
     "check": "regression.gate",
     "write_report": "report.write",
@@ -102,6 +108,8 @@ _HOMES = {
 """The modules in which the public names live."""
 
 __all__ = [
+    "Birch",
+    "BirchSettings",
     "BranchingMapper",
     "Column",
     "Comparison",
@@ -134,6 +142,8 @@ __all__ = [
     "RunExplainer",
     "Step",
     "TopologicalMap",
+    "Valley",
+    "ValleySettings",
     "ablate",
     "baseline",
     "check",

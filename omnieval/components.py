@@ -42,6 +42,8 @@ BUILT_IN: dict[Kind, dict[str, str]] = {
         "roman2020": "omnieval.mapping.roman2020.mapper:Roman2020",
         "leader": "omnieval.mapping.leader:Leader",
         "geodesic": "omnieval.mapping.geodesic.mapper:Geodesic",
+        "birch": "omnieval.mapping.birch:Birch",
+        "valley": "omnieval.mapping.valley:Valley",
     },
 }
 """Components that come with omnieval, the default first, by their place, so that each is imported when it is used."""

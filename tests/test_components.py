@@ -138,7 +138,7 @@ class TestNames:
         entry = EntryPoint("plugin", f"{__name__}:Bands", "omnieval.descriptors")
         monkeypatch.setattr("omnieval.components.entry_points", lambda group: [entry] if group == entry.group else [])
         assert known("descriptor") == ["hog", "gist", "plugin"]
-        assert known("mapper") == ["roman2020", "leader", "geodesic"]
+        assert known("mapper") == ["roman2020", "leader", "geodesic", "birch", "valley"]
         found = resolve_component("descriptor", "plugin", {"rows": 2})
         assert (found.name, found.spec, found.settings) == ("bands", "plugin", {"rows": 2})
         assert isinstance(found.make(), Bands)

@@ -59,7 +59,8 @@ MapperName = Annotated[
     str | None,
     typer.Option(
         "--mapper",
-        help="Mapper: roman2020 (default), geodesic, leader, package.module:Class or path/file.py:Class.",
+        help="Mapper: roman2020 (default), geodesic, leader, birch, valley, "
+        "package.module:Class or path/file.py:Class.",
         metavar="NAME",
         autocompletion=_mappers,
     ),
