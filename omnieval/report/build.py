@@ -18,6 +18,7 @@ from omnieval.report.localizations import (
     localization_facts,
     published_table,
 )
+from omnieval.report.methods import methods_figures
 from omnieval.report.pieces import pieces_figures
 from omnieval.report.quality import quality_table
 from omnieval.report.replays import DrawnReplay, attempted, draw_replay, drawn_or_skipped
@@ -124,7 +125,9 @@ def _sweep_section(sweep: Sweep, order: Order) -> Section:
 
 
 def _sweep_figures(sweep: Sweep) -> Sequence[Figure | Skipped]:
-    found = attempted(lambda: pieces_figures(sweep) if sweep.exact else sweep_figures(sweep))
+    found = attempted(
+        lambda: pieces_figures(sweep) if sweep.exact else [*methods_figures(sweep), *sweep_figures(sweep)]
+    )
     return [Skipped("Figures of the sweep", found)] if isinstance(found, str) else found
 
 
