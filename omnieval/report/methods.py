@@ -89,7 +89,7 @@ def _ranks(ranked: Sequence[GroupRanks]) -> Figure:
         key="ranks",
         title="Mean ranks, and which methods cannot be told apart",
         caption="Critical-difference diagrams: each point is the mean rank of a method over the cases that all "
-        "finished, 1 the best. A bar joins neighbours of which no two differ significantly (Wilcoxon's signed rank test, "
+        "finished, 1 the best. A bar joins neighbours of which no two differ significantly (Wilcoxon's test, "
         "corrected by Holm, 0.05). The paper has no such figure.",
         alt=" ".join(
             f"{one.metric}: "
