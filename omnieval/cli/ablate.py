@@ -325,9 +325,11 @@ def _print(ablation: Ablation, plan: Plan, *, json: bool) -> None:
     else:
         print(ablation.folder)
         print_table(summary)
-        if ablation.tuned is not None:
+        if ablation.tuned is not None and not ablation.tuned.is_empty():
             print()
             print_table(ablation.tuned)
+    if ablation.tuned is not None and ablation.tuned.is_empty():
+        note("no parameters were chosen: on the sequences of --tune-on no run has a value of --tune-by every time")
     if ablation.lacking:
         note(f"batch_silhouette is missing where it could not be computed: {ablation.lacking}; --resume tries it again")
     if ablation.failed:

@@ -100,6 +100,11 @@ def test_parameters_are_chosen_on_one_sequence_and_judged_on_another():
     assert fewer["gamma"].unique().to_list() == [1.0]
 
 
+def test_where_nothing_has_a_value_nothing_is_chosen():
+    there, here = rows({1: [None] * 3, 2: [0.4, None, 0.4]}), rows({1: [0.9] * 3, 2: [0.3] * 3}, source="folder:/b")
+    assert tuned(frame(there, here), ["gamma"], ["folder:/a"], "silhouette").is_empty()
+
+
 def test_tuning_runs_both_and_says_it_in_run_json(panoramas, tmp_path):
     other = shutil.copytree(panoramas, tmp_path / "other")
     plan = make_plan([other], [parse_axis("radius=1,3"), parse_axis("mapper=leader")], tune_on=[str(panoramas)])
