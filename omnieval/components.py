@@ -4,7 +4,8 @@ A component is named on the command line, in files and from Python by
 
 - a name: ``hog``, ``leader``, or one that an installed package registers under the entry points `GROUPS`,
 - ``package.module:Class``,
-- ``path/file.py:Class``.
+- ``path/file.py:Class``,
+- ``onnx:MODEL.onnx``, a descriptor that a network in a file makes.
 
 Its **identity** is its name, its settings, a digest of its source code and one of its weights: equal identities make
 the same of the same input. The source code is the component's module and the modules of the same package (or folder,
@@ -47,6 +48,12 @@ BUILT_IN: dict[Kind, dict[str, str]] = {
     },
 }
 """Components that come with omnieval, the default first, by their place, so that each is imported when it is used."""
+
+_OF_FILES: dict[Kind, dict[str, str]] = {
+    "descriptor": {"onnx": "omnieval.descriptors.network:Network"},
+    "mapper": {},
+}
+"""By the word before a file: what makes a component of that file."""
 
 GROUPS: dict[Kind, str] = {"descriptor": "omnieval.descriptors", "mapper": "omnieval.mappers"}
 """Entry points under which installed packages register theirs."""
@@ -218,6 +225,11 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
     model, plain = settings_model(cls), dict(settings or {})
     if model is not None:
         plain = model.model_validate(plain).model_dump(mode="json")
+    if spec is not None and (file := _file_of(kind, spec)):
+        made = dataclasses.replace(_of_object(kind, _construct(cls, kind, spec, file)), spec=spec)
+        if plain not in ({}, made.settings):
+            raise ConfigError(f"the parameters of {made.name} are those of the card beside {file}; change them there")
+        return made
     if spec in BUILT_IN[kind]:  # nothing but their settings and code tells them apart
         return Component(kind, name_of(cls), spec, plain, code_digest(cls))
     made = _of_object(kind, _instance(cls, kind, spec or cls.__name__, plain))
@@ -226,6 +238,9 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
 
 def canonical_spec(spec: str) -> str:
     """Return what names a class so that it means the same from every folder: with the whole path of a file."""
+    word, colon, file = spec.partition(":")
+    if colon and any(word in words for words in _OF_FILES.values()):
+        return f"{word}:{Path(file).expanduser().resolve()}"
     where, colon, name = spec.rpartition(":")
     return f"{Path(where).expanduser().resolve()}:{name}" if colon and where.endswith(".py") else spec
 
@@ -239,6 +254,8 @@ def find_class(kind: Kind, spec: str) -> Any:
         If there is none, or importing it fails.
     """
     place = BUILT_IN[kind].get(spec)
+    if place is None and _file_of(kind, spec):
+        place = _OF_FILES[kind][spec.partition(":")[0]]
     if place is None and ":" not in spec:
         entry = next((entry for entry in entry_points(group=GROUPS[kind]) if entry.name == spec), None)
         if entry is None:
@@ -261,6 +278,12 @@ def find_class(kind: Kind, spec: str) -> Any:
         raise ConfigError(f"{kind} {shown(spec)!r}: {where} has no {name}; {hint}") from error
     _check(kind, found, spec)
     return found
+
+
+def _file_of(kind: Kind, spec: str) -> str:
+    """Return the file that a component is made of; empty if it is made of none."""
+    word, _, file = spec.partition(":")
+    return file if word in _OF_FILES[kind] else ""
 
 
 def settings_model(cls: Any) -> type[BaseModel] | None:

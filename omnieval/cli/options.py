@@ -69,7 +69,7 @@ DescriptorName = Annotated[
     str | None,
     typer.Option(
         "--descriptor",
-        help="Descriptor: hog (default), gist, package.module:Class or path/file.py:Class.",
+        help="Descriptor: hog (default), gist, onnx:MODEL.onnx, package.module:Class or path/file.py:Class.",
         metavar="NAME",
         autocompletion=_descriptors,
     ),

@@ -17,7 +17,7 @@ from omnieval.descriptors.cache import DescriptorCache, description_key, image_d
 from omnieval.descriptors.description import Description, Descriptor, MaskedDescriptor
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.camera import CameraModel
-from omnieval.imaging.decode import decode_grey
+from omnieval.imaging.decode import decode_colour, decode_grey
 from omnieval.imaging.disturb import disturbed
 from omnieval.imaging.glance import file_state
 
@@ -60,6 +60,7 @@ class Describer:
         self._camera = camera
         self._descriptor: Descriptor = descriptor.make()
         self._cache = cache
+        self._decode = decode_colour if getattr(self._descriptor, "colour", False) else decode_grey
         self._name = descriptor.name
         self._key = lru_cache(None)(lambda bits: description_key(camera.settings, descriptor.identity, bits))
 
@@ -109,7 +110,10 @@ class Describer:
         mask = self._camera.panorama_mask
         if mask is None:
             return self._descriptor.describe(panorama)
-        filled = mask.filled(panorama)
+        if panorama.ndim == 3:
+            filled = np.stack([mask.filled(panorama[:, :, channel]) for channel in range(panorama.shape[2])], axis=2)
+        else:
+            filled = mask.filled(panorama)
         if isinstance(self._descriptor, MaskedDescriptor):
             return self._descriptor.describe_masked(filled, mask.seen)
         return self._descriptor.describe(filled)

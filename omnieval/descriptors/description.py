@@ -33,7 +33,11 @@ class Descriptor(Protocol):
     - ``name``, what it is called in tables (default: made of the class's name),
     - ``Settings``, a pydantic model of its parameters, an object of which the constructor then takes; or ``settings``,
       a dict of plain values,
-    - ``weights``, the path of a file that its results depend on.
+    - ``weights``, the path of a file that its results depend on,
+    - ``colour``: if it is true, panoramas are given in colour, shape (rows, columns, 3), BGR.
+
+    A descriptor without an orientation part returns one cell that is always the same, shape (1, 1): then the position
+    level decides alone.
     """
 
     def describe(self, panorama: NDArray[np.uint8]) -> Description:
