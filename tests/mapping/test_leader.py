@@ -156,7 +156,7 @@ def test_asking_for_the_map_changes_nothing() -> None:
     assert plain(mapper.finish()) == plain(final)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(world=worlds, radii=st.lists(st.floats(0.01, 20.0), min_size=1, max_size=6, unique=True))
 def test_a_sweep_gives_every_radius_what_it_would_get_alone(world: World, radii: list[float]) -> None:
     descriptions = world.describe()

@@ -99,7 +99,7 @@ configs = st.builds(
 )
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(world=worlds, config=configs)
 def test_every_replay_is_consistent(world: World, config: Roman2020Settings) -> None:
     mapper, partition = Roman2020(config), Partition()
