@@ -20,6 +20,8 @@ from omnieval.wording import shown
 
 _PREFIX = "omnieval_component_"
 _INSTALLED = {"site-packages", "dist-packages"}
+_OURS = __name__.partition(".")[0]
+"""This package: a file in a checkout lies beside its folder, and means the one that runs all the same."""
 _LAZY = Path(__file__).with_name("__init__.py")
 """Names everything there is without loading it."""
 
@@ -134,7 +136,8 @@ def sources_of(file: Path, module: str) -> set[Path]:
         one = waiting.pop()
         if one not in found:
             found.add(one)
-            waiting += [path for name in _imports(one, root) for path in _files(name, root, inside)]
+            names = [name for name in _imports(one, root) if inside or name.partition(".")[0] != _OURS]
+            waiting += [path for name in names for path in _files(name, root, inside)]
     return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from omnieval.components import Component, known, resolve_component
+from omnieval.components import Component, find_class, known, resolve_component
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, ResultError
@@ -476,3 +476,12 @@ def test_settings_are_validated() -> None:
         resolve_component("descriptor", Bands, {"rows": "many"})
     with pytest.raises(ConfigError, match="cannot be made with the scale it had"):
         resolve_component("mapper", Reach, {"scale": 2})
+
+
+def test_a_file_beside_a_folder_of_our_name_takes_the_package_that_runs(tmp_path):
+    """As in a checkout."""
+    (tmp_path / "omnieval").mkdir()
+    (tmp_path / "omnieval" / "__init__.py").write_text("raise RuntimeError('another copy')\n")
+    (tmp_path / "mine.py").write_text("import omnieval\n\nclass Beside(omnieval.Leader): ...\n")
+    cls = find_class("mapper", f"{tmp_path / 'mine.py'}:Beside")
+    assert issubclass(cls, Mapper)
