@@ -390,7 +390,7 @@ def hold_decision(step: Step, recorded: Step, where: str) -> None:
     if (step.verdict, step.node, step.match) != (recorded.verdict, recorded.node, recorded.match):
         raise ResultError(
             f"step {step.frame} of {where} comes out otherwise now: {recorded.verdict} became {step.verdict}; "
-            "the machine or a library may have changed it, so replay the sequence again"
+            "its images, the machine or a library may have changed, so replay the sequence again"
         )
 
 

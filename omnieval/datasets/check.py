@@ -45,6 +45,8 @@ names-not-in-order    warning  by its name an image comes after one that was tak
 yaw-out-of-range      warning  a yaw that is probably not in radians
 yaw-in-degrees        warning  a yaw without unit was taken for degrees
 yaw-against-path      warning  the robot turns the other way than it drives: columns swapped, or yaw clockwise
+unread-poses          warning  a file that is called like one of poses, of a form that is not read
+poses-not-interpolated warning images without a pose have no time, either
 bad-rotation          warning  a rotation is none: the image counts as one without heading
 odd-rotations         warning  the rotations do not tell which way is up
 other-poses           warning  another file beside the images might hold poses, too

@@ -47,6 +47,8 @@ RESULTS_MANIFEST = "run.json"
 """What a folder of results holds, which is no sequence."""
 
 _WITHOUT_PATH = frozenset({"synthetic"})
+_OF_ARCHIVES, _ENDING_OF_ARCHIVES = "npz:", ".npz"
+"""What archives of descriptors are called, which are sources of the commands that need no images."""
 
 
 def load(
@@ -93,6 +95,10 @@ def scan(source: str | Path) -> Scan:
         if options is not None:
             found = with_poses(scan(bare), options)
             return replace(found, source=together(found.source, options.written))
+    if str(source).startswith(_OF_ARCHIVES) or str(source).casefold().endswith(_ENDING_OF_ARCHIVES):
+        raise DatasetError(
+            f"{shown(str(source))} holds descriptors and no images; `omnieval map` and `replay` check it"
+        )
     scheme, rest = split_source(source)
     if scheme is None:
         return _scan_bare(rest)

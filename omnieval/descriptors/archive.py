@@ -35,6 +35,7 @@ _ARRAYS = {
 }
 """The spellings of every array; `numpy.savez` takes no array called ``file``."""
 _KINDS = {"f": "floating point", "i": "whole numbers with a sign", "U": "text"}
+_MOST_NAMED = 8
 _UNREADABLE = (
     OSError,
     ValueError,
@@ -139,6 +140,12 @@ def _read_arrays(file: Path) -> dict[str, NDArray[Any]]:
         with zipfile.ZipFile(file) as archive:
             listed = archive.namelist()
             spelt = {one: name for name, spellings in _ARRAYS.items() for one in spellings if f"{one}.npy" in listed}
+            missing = [name for name in ("position", "orientation") if name not in spelt.values()]
+            if missing:
+                there = ", ".join(shown(one.removesuffix(".npy")) for one in sorted(listed)[:_MOST_NAMED]) or "nothing"
+                raise DatasetError(
+                    f"{file}: no array {missing[0]!r}, it has {there}; position and orientation are needed"
+                )
             return {name: _read_array(archive, one) for one, name in spelt.items()}
     except _UNREADABLE as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
@@ -156,7 +163,12 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
             f"array {name!r} holds Python objects, which are never read; make it an array of text or of numbers of one "
             "length a row"
         ) from error
-    return array
+    if array.dtype.kind != "S":
+        return array
+    try:  # text of other programs
+        return np.char.decode(array, "utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"array {name!r} holds text that is not UTF-8") from error
 
 
 def _pose(xy: NDArray[Any] | None, yaw: NDArray[Any] | None, index: int) -> Pose | None:
@@ -200,11 +212,6 @@ def _optional(
 def _checked(
     file: Path, arrays: Mapping[str, NDArray[Any]], name: str, *, kind: str, shape: tuple[int | None, ...]
 ) -> NDArray[Any]:
-    if name not in arrays:
-        raise DatasetError(
-            f"{file}: no array {name!r}, it has {', '.join(sorted(arrays)) or 'none we know'}; "
-            "position and orientation are needed"
-        )
     array = arrays[name]
     fits = array.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, array.shape, strict=True))
     if not fits or 0 in array.shape:

@@ -216,6 +216,19 @@ def test_bad_archives_get_one_line(tmp_path):
     nan = np.full((30, 4), np.nan, np.float32)
     np.savez(tmp_path / "nan.npz", position=nan, orientation=np.zeros((30, 8, 2), np.float32))
     fails(in_process("map", "nan.npz", cwd=tmp_path), 3, "NaN", "image 0")
+    np.savez(tmp_path / "named.npz", positions=nan)
+    fails(in_process("map", "named.npz", cwd=tmp_path), 3, "no array 'position', it has positions;")
+    fails(in_process("dataset", "check", "npz:nan.npz", cwd=tmp_path), 3, "holds descriptors and no images")
+
+
+def test_text_of_an_archive_may_be_bytes_as_other_programs_write_it(tmp_path):
+    rng = np.random.default_rng(0)
+    names = np.array([f"{number}\u00e9.png".encode() for number in range(12)])
+    np.savez(tmp_path / "b.NPZ.npz", position=rng.random((12, 4)), orientation=rng.random((12, 8, 2)), files=names)
+    (tmp_path / "b.NPZ.npz").rename(tmp_path / "b.NPZ")
+    mapped = in_process("map", "b.NPZ", "--mapper", "leader", "--json", cwd=tmp_path)
+    steps = open_run(tmp_path / json.loads(mapped.stdout)["run"]).steps
+    assert steps["file"].to_list()[3] == "3\u00e9.png"
 
 
 def test_output_into_a_closed_pipe_is_no_traceback(tmp_path):

@@ -31,6 +31,10 @@ _STEMS = frozenset(
 _ENDINGS = frozenset(("csv", "tsv", "txt"))
 _OWN_ENDINGS = frozenset(("tum", "kitti"))
 """Endings that only files of poses have."""
+_OTHER_ENDINGS = frozenset(
+    ("json", "yaml", "yml", "xml", "mat", "npy", "pkl", "xlsx", "ods", "h5", "bin", "g2o", "parquet")
+)
+"""Of tables that are not read."""
 _EUROC = ("state_groundtruth_estimate0/data.csv", "mav0/state_groundtruth_estimate0/data.csv")
 
 
@@ -51,7 +55,20 @@ def poses_beside(root: Path) -> tuple[Path | None, list[Finding]]:
         names = ", ".join(shown(_relative(path, root)) for path in chosen[:4])
         message = f"{names} may all hold the poses; name one with --poses FILE, or a card.toml"
         return None, [Finding("error", "several-poses", shown(_relative(chosen[0], root)), message)]
-    return None, [Finding("info", "no-poses", USUAL, "not there; position metrics will be null")]
+    return None, [
+        *_unread(root),
+        Finding("info", "no-poses", USUAL, "not there; position metrics will be null"),
+    ]
+
+
+def _unread(root: Path) -> list[Finding]:
+    """Return a finding for each file whose name says that it holds poses, in a form that is not read."""
+    parts = ((name, *name.casefold().rpartition(".")[::2]) for name in visible_names(root))
+    return [
+        Finding("warning", "unread-poses", shown(name), "is not read; save it as CSV (file,x,y,yaw) or in TUM's form")
+        for name, stem, ending in parts
+        if stem in _STEMS and ending in _OTHER_ENDINGS
+    ]
 
 
 def _above(root: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from typing import Literal
 
 from omnieval.wording import shown
 
-Role = Literal["name", "time", "x", "y", "z", "yaw", "qx", "qy", "qz", "qw", "room"]
+Role = Literal["name", "time", "nanoseconds", "x", "y", "z", "yaw", "qx", "qy", "qz", "qw", "room"]
 
 METRES = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "km": 0.001}
 """Units of length, and how many of each are a metre."""
@@ -68,11 +68,12 @@ _PLACE_WORDS = frozenset(
 _TURN_WORDS = frozenset(["q", "quat", "quaternion", "orientation", "orient", "rotation", "rot"])
 _ALONE: dict[str, Role] = {
     **dict.fromkeys(("file", "filename", "image", "img", "name", "imagefile", "imagename", "path", "picture"), "name"),
-    **dict.fromkeys(("time", "timestamp", "timestamps", "stamp", "t", "secs", "epoch", "utime"), "time"),
+    **dict.fromkeys(("time", "timestamp", "timestamps", "stamp", "t", "sec", "secs", "epoch", "utime"), "time"),
     **dict.fromkeys(("tx", "px", "x", "easting", "east", "posx", "xpos"), "x"),
     **dict.fromkeys(("ty", "py", "y", "northing", "north", "posy", "ypos"), "y"),
     **dict.fromkeys(("tz", "pz", "z", "posz", "zpos", "altitude", "alt", "elevation"), "z"),
     **dict.fromkeys(("yaw", "theta", "heading", "th", "psi", "angle", "orientation", "rz", "rotz"), "yaw"),
+    **dict.fromkeys(("nsecs", "nsec", "nanosec", "nanosecs", "nanoseconds"), "nanoseconds"),
     **{"qx": "qx", "qy": "qy", "qz": "qz", "qw": "qw"},
     **dict.fromkeys(("room", "label", "place", "category", "class"), "room"),
 }
@@ -135,24 +136,8 @@ def read_heading(titles: Sequence[str]) -> Heading:
     ValueError
         If x or y is missing, two columns claim to be the same, or a title is a slip of one that is missing.
     """
-    found: dict[Role, Column] = {}
-    unread: list[str] = []
+    found, unread = _known_columns(titles)
     notes: list[str] = []
-    for index, title in enumerate(titles):
-        role, unit = role_of(title)
-        if role is None:
-            unread.append(title)
-        elif role == "time" and role in found and _of_a_header(title) != _of_a_header(found[role].title):
-            kept = Column(index, role, title, unit) if _of_a_header(title) else found[role]
-            unread.append(found[role].title if kept is not found[role] else title)
-            found[role] = kept
-        elif role in found:
-            if titles[found[role].index].casefold() == title.casefold():
-                raise ValueError(f"column {shown(title)} appears twice; keep one")
-            both = f"'{shown(found[role].title)}' and '{shown(title)}'"
-            raise ValueError(f"columns {both} may both be {_in_words(role)}; rename the one that is not")
-        else:
-            found[role] = Column(index, role, title, unit)
     earth = [title for title in unread if _words(title)[0] and _words(title)[0][-1] in _OF_THE_EARTH]
     if earth and not {"x", "y"} <= found.keys():
         raise ValueError(
@@ -175,6 +160,29 @@ def read_heading(titles: Sequence[str]) -> Heading:
     if 0 < len(partial) < 4:
         raise ValueError(f"a quaternion needs qx, qy, qz and qw, there is no {partial[0]}")
     return Heading(found, tuple(unread), tuple(notes))
+
+
+def _known_columns(titles: Sequence[str]) -> tuple[dict[Role, Column], list[str]]:
+    """Return the columns whose titles are understood, and the titles of the others."""
+    found: dict[Role, Column] = {}
+    unread: list[str] = []
+    for index, title in enumerate(titles):
+        role, unit = role_of(title)
+        if role is None:
+            unread.append(title)
+        elif role == "time" and role in found and _tells_more(found, unread, Column(index, role, title, unit)):
+            continue
+        elif role in found:
+            if titles[found[role].index].casefold() == title.casefold():
+                raise ValueError(f"column {shown(title)} appears twice; keep one")
+            both = f"'{shown(found[role].title)}' and '{shown(title)}'"
+            raise ValueError(f"columns {both} may both be {_in_words(role)}; rename the one that is not")
+        else:
+            found[role] = Column(index, role, title, unit)
+    if "nanoseconds" in found and "time" not in found:  # not a part of the time, but all of it
+        whole = found.pop("nanoseconds")
+        found["time"] = Column(whole.index, "time", whole.title, "ns")
+    return found, unread
 
 
 def role_of(title: str) -> tuple[Role | None, str | None]:
@@ -217,6 +225,19 @@ def _words(title: str) -> tuple[list[str], str | None]:
     if len(words) > 1 and words[-1] in _UNITS and _role(words) is None and _role(words[:-1]):
         return words[:-1], _UNITS[words[-1]]
     return words, None
+
+
+def _tells_more(found: dict[Role, Column], unread: list[str], column: Column) -> bool:
+    """Settle what a second column of times is: nanoseconds of the first, or another time; False if nobody can tell."""
+    first = found["time"]
+    if (first.unit, column.unit) == ("s", "ns") and _words(first.title)[0] == _words(column.title)[0]:
+        found["nanoseconds"] = Column(column.index, "nanoseconds", column.title, "ns")
+        return True
+    if _of_a_header(column.title) == _of_a_header(first.title):
+        return False
+    found["time"], other = (column, first) if _of_a_header(column.title) else (first, column)
+    unread.append(other.title)
+    return True
 
 
 def _of_a_header(title: str) -> bool:

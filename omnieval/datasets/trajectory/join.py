@@ -80,7 +80,12 @@ def interpolated(frames: Sequence[Frame], longest_s: float) -> tuple[list[Frame]
     known = [(f.time_ns, f.pose) for f in frames if f.pose is not None and f.time_ns is not None and _finite(f.pose)]
     poses, _ = _at([None if frame.pose else frame.time_ns for frame in frames], known, 0.0, longest_s)
     found = [frame if pose is None else replace(frame, pose=pose) for frame, pose in zip(frames, poses, strict=True)]
-    return found, _said_of_interpolated(sum(pose is not None for pose in poses), longest_s)
+    said = _said_of_interpolated(sum(pose is not None for pose in poses), longest_s)
+    timeless = sum(frame.pose is None and frame.time_ns is None for frame in found)
+    if timeless and longest_s > 0:
+        message = f"{counted(timeless, 'image')} without a pose and without a time, so that nothing can be interpolated"
+        said.append(Finding("warning", "poses-not-interpolated", ".", f"{message}; give times, such as in times.txt"))
+    return found, said
 
 
 def _said_of_interpolated(count: int, longest_s: float) -> list[Finding]:

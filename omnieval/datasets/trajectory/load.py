@@ -34,6 +34,8 @@ _OF_POSES = frozenset(
         "poses-match-nothing",
         "poses-read",
         "poses-interpolated",
+        "poses-not-interpolated",
+        "unread-poses",
         "rows-differ",
         "several-poses",
         "unclear-times",

@@ -353,13 +353,10 @@ class _Reader:
         column = self._columns.get("time")
         if column is None:
             return [None] * len(self._rows)
-        texts = [fields[column.index] for _, fields in self._rows]
-        numbers: list[Decimal | None] = []
-        for (line, _), text in zip(self._rows, texts, strict=True):
-            number = exact(text)
-            if number is None and text:
-                self._complain(line, f"{shown(column.title)} '{shown(text)}' is not a number; {_mend(text)}")
-            numbers.append(number)
+        numbers = self._exactly(column)
+        if (rest := self._columns.get("nanoseconds")) is not None:
+            parts = zip(numbers, self._exactly(rest), strict=True)
+            numbers = [None if whole is None or part is None else whole + part / SECONDS["s"] for whole, part in parts]
         known = [number for number in numbers if number is not None]
         scale = SECONDS[column.unit] if column.unit in SECONDS else self._scale(known, shown(column.title))
         if scale is None:
@@ -372,6 +369,17 @@ class _Reader:
                 time = None
             times.append(time)
         return times
+
+    def _exactly(self, column: Column) -> list[Decimal | None]:
+        """Return the times in a column as they are written; None where it is blank or, which is said, no number."""
+        numbers: list[Decimal | None] = []
+        for line, fields in self._rows:
+            text = fields[column.index]
+            number = exact(text)
+            if number is None and text:
+                self._complain(line, f"{shown(column.title)} '{shown(text)}' is not a number; {_mend(text)}")
+            numbers.append(number)
+        return numbers
 
     def _scale(self, times: Sequence[Decimal], title: str) -> int | None:
         """Return how many nanoseconds the unit of times is of which only the size tells it; None if it does not."""

@@ -146,6 +146,13 @@ def test_gaps_of_named_poses_are_filled_likewise():
     assert at(filled) == [0, None, 2, None]
 
 
+def test_what_has_no_time_cannot_be_interpolated_and_that_is_said():
+    images = frames("a.png", "b.png", "c.png")
+    filled, findings = join(images, "file,time,x,y\na.png,0,0,0\nc.png,2,2,4\n", Joining(interpolate_s=2.0))
+    assert at(filled) == [0, None, 2]
+    assert kinds(findings) == ["poses-not-interpolated", "image-without-pose"]
+
+
 def test_a_pose_whose_heading_is_not_known_lends_none():
     known = [
         Frame(Path("a"), "a", 0, Pose(0, 0, math.nan)),

@@ -78,6 +78,12 @@ def test_of_several_files_none_is_taken_but_poses_csv(tmp_path):
     assert kinds(sequence) == [("warning", "other-poses")]
 
 
+def test_a_file_of_poses_that_is_not_read_is_said(tmp_path):
+    root = a_folder(tmp_path / "tour")
+    (root / "poses.json").write_text("[]")
+    assert kinds(load(root)) == [("warning", "unread-poses"), ("info", "no-poses")]
+
+
 def test_a_source_names_its_poses_whatever_the_images_have(tmp_path):
     (tmp_path / "truth.tum").write_text(tum(DRIVE))
     root = a_folder(tmp_path / "tour", "file,x,y\nnobody.png,zero,0\n")

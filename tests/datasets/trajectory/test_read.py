@@ -78,6 +78,18 @@ FORMS = {
         ),
         "not read: field.header.seq, time",
     ),
+    "seconds and nanoseconds apart": (
+        lines(
+            DRIVE.times_ns + 7, DRIVE.times_ns // 10**9, DRIVE.times_ns % 10**9, X, Y, DRIVE.yaws, separator=",",
+            heading="Time,header.stamp.secs,header.stamp.nsecs,pose.position.x,pose.position.y,yaw",
+        ),
+        "not read: Time",
+    ),
+    "seconds and nanoseconds apart, without more words": (
+        lines(DRIVE.times_ns // 10**9, DRIVE.times_ns % 10**9, X, Y, DRIVE.yaws, heading="sec nanosec x y yaw"),
+        "columns (sec, nanosec, x, y, yaw)",
+    ),
+    "nanoseconds alone": (lines(DRIVE.times_ns, X, Y, DRIVE.yaws, heading="nanoseconds x y yaw"), "columns"),
 }  # fmt: skip
 
 
