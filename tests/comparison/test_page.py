@@ -83,7 +83,7 @@ def test_the_command_writes_the_page_and_strangers_join(panoramas, tmp_path):
     stranger.write_text(
         "from omnieval.mapping.leader import Leader\n\n\nclass Mine(Leader):\n    name = 'mine'\n    swept = ()\n"
     )
-    arguments = ("--preset", "benchmark", "--mapper", f"{stranger}:Mine", "--limit", "40", "--out", "out")
+    arguments = ("--preset", "benchmark", "--mapper", f"{stranger}:Mine", "--limit", "60", "--out", "out")
     result = in_process("ablate", f"folder:{panoramas}", *arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "the page is out/benchmark.md" in result.stderr

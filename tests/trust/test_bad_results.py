@@ -258,7 +258,8 @@ def test_a_monstrous_header_is_refused_before_memory_is_asked_for(command, tmp_p
     header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (999999999999, 999999), }"
     header += b" " * (117 - len(header)) + b"\n"
     with zipfile.ZipFile(tmp_path / "d.npz", "w") as archive:
-        archive.writestr("position.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+        for name in ("position.npy", "orientation.npy"):
+            archive.writestr(name, b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
     refused(command("map", tmp_path / "d.npz"), 3, "d.npz", "expected a .npz archive")
 
 
