@@ -342,26 +342,24 @@ def archive_file(source: Source) -> Path | None:
     Raises
     ------
     ConfigError
-        If it is an archive that other poses are to be given to.
+        If it is an archive that is to be perturbed, or given other poses.
     """
     if isinstance(source, Sequence):
         return None
     text = str(source)
     place, changes = apart(text, OF_PERTURBATION)
-    if changes and (place.startswith(ARCHIVE_SCHEME) or place.endswith(".npz")):
+    if changes and _is_called_archive(place):
         raise ConfigError(f"{place} has descriptors, and images alone are perturbed; cut it with --start and --stride")
     place, poses = apart(text, OF_POSES)
-    if poses and (place.startswith(ARCHIVE_SCHEME) or _is_called_archive(place)):
+    if poses and _is_called_archive(place):
         raise ConfigError(
             f"{place} has poses of its own, xy and yaw; leave --poses out, or describe the images with it"
         )
-    if text.startswith(ARCHIVE_SCHEME):
-        return Path(text.removeprefix(ARCHIVE_SCHEME)).expanduser()
-    return Path(text).expanduser() if _is_called_archive(text) else None
+    return Path(text.removeprefix(ARCHIVE_SCHEME)).expanduser() if _is_called_archive(text) else None
 
 
 def _is_called_archive(name: str) -> bool:
-    return name.casefold().endswith(".npz")
+    return name.startswith(ARCHIVE_SCHEME) or name.casefold().endswith(".npz")
 
 
 def with_poses(

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from omnieval.errors import OmnievalError, ResultError
 from omnieval.imaging.pictures import Pictures
+from omnieval.localization.parts import kept_images
 from omnieval.localization.run import KIND, RECORDING, Localization
 from omnieval.localization.words import answer_lines
 from omnieval.mapping.step import Role
@@ -59,7 +62,7 @@ def record_localization(
     with hold_folder(found.folder, KIND), ExitStack() as stack, replacing(path) as temporary:
         try:
             run: Run | None = _run_of(found)
-            in_map = _map_pictures(run, stack) if chosen.images and run else None
+            in_map = _map_pictures(found, run, stack) if chosen.images and run else None
         except OmnievalError as error:
             run = in_map = None
             if note:
@@ -83,13 +86,22 @@ def _run_of(found: Localization) -> Run:
     return run
 
 
-def _map_pictures(run: Run, stack: ExitStack) -> dict[str, tuple[Pictures, int]] | None:
+@dataclass(frozen=True)
+class _InMap:
+    """The pictures of a run, and the number there of each image of the map, shape (n,)."""
+
+    pictures: Pictures
+    frames: NDArray[np.int64]
+
+
+def _map_pictures(found: Localization, run: Run, stack: ExitStack) -> _InMap | None:
+    part = found.manifest["map"]
     material = stack.enter_context(reopened(run, describe=False))
     for _ in material.described:  # held against the run until the last
         pass
     if material.pictures is None:
         return None
-    return {frame.file: (material.pictures, number) for number, frame in enumerate(material.frames)}
+    return _InMap(material.pictures, np.flatnonzero(kept_images(run.map, part["limit"], part["without_rooms"])))
 
 
 def _query_pictures(found: Localization, stack: ExitStack) -> dict[str, Pictures | None]:
@@ -123,7 +135,7 @@ def _info(found: Localization, run: Run | None) -> QueriesInfo:
 def _views(
     found: Localization,
     queries: dict[str, Pictures | None],
-    in_map: dict[str, tuple[Pictures, int]] | None,
+    in_map: _InMap | None,
     every: int,
     progress: Progress | None,
 ) -> Iterator[QueryView]:
@@ -148,12 +160,11 @@ def _views(
             progress(number + 1, total)
 
 
-def _answer(row: dict[str, Any], found: Localization, in_map: dict[str, tuple[Pictures, int]] | None) -> QueryAnswer:
+def _answer(row: dict[str, Any], found: Localization, in_map: _InMap | None) -> QueryAnswer:
     panorama = None
-    if in_map is not None and row["best_file"] is not None:
-        pictures, frame = in_map[row["best_file"]]
-        cells = found.manifest["orientation_cells"]
-        panorama = encode_panorama(turn(pictures.panorama(frame), row["shift"], cells))
+    if in_map is not None and row["best_frame"] is not None:
+        seen = in_map.pictures.panorama(int(in_map.frames[row["best_frame"]]))
+        panorama = encode_panorama(turn(seen, row["shift"], found.manifest["orientation_cells"]))
     refused = row["role"] == Role.REFUSED.value
     return QueryAnswer(
         place=None if refused else _place(row["best_x"], row["best_y"]),

@@ -24,7 +24,7 @@ from omnieval.imaging.settings import ImagingConfig
 from omnieval.localization.answers import Query, answers
 from omnieval.localization.measures import Measures, measure
 from omnieval.localization.parts import kept_images, map_of_part
-from omnieval.localization.strategies import LEVELS, STRATEGIES, check_strategies, has_levels
+from omnieval.localization.strategies import COARSE, LEVELS, STRATEGIES, check_strategies, has_levels
 from omnieval.localization.table import queries_frame
 from omnieval.loop import RUNS
 from omnieval.mapping.map import TopologicalMap
@@ -141,7 +141,8 @@ def localize(
     Raises
     ------
     ConfigError
-        If a strategy is unknown or the mapper does not have it, or no image of the map stays.
+        If a strategy is unknown or the mapper does not have it, no image of the map stays, or coarse to fine is asked
+        for in a map without nodes, where it has nothing to begin with.
     DatasetError
         If a source cannot be read.
     ResultError
@@ -160,6 +161,10 @@ def localize(
     whole = map_.digest
     if map_limit is not None or without_rooms:
         map_ = map_of_part(map_, kept_images(map_, map_limit, without_rooms), mapper)
+    if not len(map_.nodes):
+        if COARSE in (strategies or ()):
+            raise ConfigError(f"the map of {map_.about['sequence']} has no node to begin with; leave coarse out")
+        chosen = tuple(name for name in chosen if name != COARSE)
     queries = _described(sources, config, Cut(start, stride, limit), map_, skip_bad=skip_bad)
     folder = Path(out) if out is not None else free_folder(RUNS, f"{queries[0].name}-in-{where.name}")
     part = {"limit": map_limit, "without_rooms": list(without_rooms), "images": len(map_)}

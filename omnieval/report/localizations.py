@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
 from itertools import cycle
 from typing import Any
 
@@ -15,6 +16,7 @@ from omnieval.localization.run import Localization
 from omnieval.mapping.step import Role
 from omnieval.palette import BATCH, CONTROL, INK, NODE_COLORS, OURS
 from omnieval.report.figure import Block, Chart, Figure, Skipped, Table
+from omnieval.text_table import Cell
 from omnieval.wording import counted, decimals, ordinal, sentences
 
 _KNOWN = {"levels": OURS, "nearest": BATCH, "coarse": CONTROL}
@@ -35,6 +37,10 @@ _COLUMNS = {
     "room_accuracy": "right room",
     "heading_error_median": "heading, deg",
     "compared_mean": "compared",
+}
+_PLACES = {
+    **dict.fromkeys(("error_mean", "error_median", "error_p95", "reachable_mean"), 3),
+    **dict.fromkeys(("heading_error_median", "compared_mean"), 1),
 }
 _OPEN = {"right": "right", "wrong": "wrong", "rightly_refused": "rightly refused", "wrongly_refused": "wrongly refused"}
 _REFUSED = "refused"
@@ -115,14 +121,14 @@ def cumulative_figure(found: Localization, posed: pl.DataFrame) -> Figure:
 def lights_table(localizations: Sequence[Localization]) -> Table:
     """Return the mean error of every query sequence in every map, a row a map, descriptor and strategy."""
     queries = sorted({name for one in localizations for name in one.manifest["metrics"]})
-    cells: dict[tuple[str, str, str], dict[str, tuple[Any, Any]]] = {}
+    cells: dict[tuple[str, str, str], dict[str, Mapping[str, Any]]] = {}
     for one in localizations:
         for sequence, by_strategy in one.manifest["metrics"].items():
             for strategy, values in by_strategy.items():
                 row = cells.setdefault((_map_name(one), one.manifest["descriptor"]["name"], strategy), {})
-                row[sequence] = (values["error_mean"], values["refused"])
+                row[sequence] = values
     rows = tuple(
-        (*key, *(value for name in queries for value in row.get(name, (None, None)))) for key, row in cells.items()
+        (*key, *(cell for name in queries for cell in _error_and_refused(row.get(name)))) for key, row in cells.items()
     )
     columns = tuple(column for name in queries for column in (f"{name}, m", _REFUSED))
     return Table(
@@ -136,7 +142,9 @@ def lights_table(localizations: Sequence[Localization]) -> Table:
 
 def published_table() -> Table:
     """Return what others published: theirs, and nothing that was run here."""
-    rows = tuple((one.method, one.cloudy, one.night, one.sunny) for one in PUBLISHED)
+    rows = tuple(
+        (one.method, _as_published(one.cloudy), _as_published(one.night), _as_published(one.sunny)) for one in PUBLISHED
+    )
     return Table(
         "published-localization",
         "Published: mean errors on COLD-Freiburg, part A",
@@ -154,8 +162,8 @@ def published_table() -> Table:
 def _measures_table(found: Localization) -> Table:
     part = found.manifest["map"]
     names = _COLUMNS | (_OPEN if part["limit"] is not None or part["without_rooms"] else {})
-    groups = tuple(
-        (sequence, tuple((strategy, *(values[name] for name in names)) for strategy, values in by_strategy.items()))
+    groups: tuple[tuple[str, tuple[tuple[Cell, ...], ...]], ...] = tuple(
+        (sequence, tuple(_measured(strategy, values, names) for strategy, values in by_strategy.items()))
         for sequence, by_strategy in found.manifest["metrics"].items()
     )
     notes = (
@@ -180,6 +188,24 @@ def localization_facts(found: Localization) -> Mapping[str, str]:
         "digest of the map": part["digest"],
         "code": about["code"],
     }
+
+
+def _as_published(error: float) -> Decimal:
+    return Decimal(str(error))
+
+
+def _measured(strategy: str, values: Mapping[str, Any], names: Iterable[str]) -> tuple[Cell, ...]:
+    return (strategy, *(_cell(name, values[name]) for name in names))
+
+
+def _error_and_refused(values: Mapping[str, Any] | None) -> tuple[Cell, Cell]:
+    return (None, None) if values is None else (_cell("error_mean", values["error_mean"]), values["refused"])
+
+
+def _cell(name: str, value: float | int | None) -> Cell:
+    """Return a metric with as many decimals as mean something: millimetres, tenths of a degree or of an image."""
+    places = _PLACES.get(name)
+    return value if value is None or places is None else Decimal(f"{value:.{places}f}")
 
 
 def _route_panel(rows: pl.DataFrame, sequence: str, strategies: Sequence[str]) -> Chart:

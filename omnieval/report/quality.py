@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import polars as pl
 
-from omnieval.metrics.catalogue import CATALOGUE, THETA
+from omnieval.metrics.catalogue import CATALOGUE, THETA, Metric
 from omnieval.report.figure import Skipped, Table
 from omnieval.results.run_folder import Run
 from omnieval.text_table import Cell
@@ -29,9 +29,9 @@ def quality_table(run: Run) -> Table | Skipped | None:
         return Skipped(_TITLE, "the run was made before there was such a table; replay it again")
     found = run.quality
     at = found.drop_nulls("value")["theta"].drop_nulls().unique().sort().to_list()
-    better = {metric.of: metric.better for metric in CATALOGUE if metric.of}
+    metrics = {metric.of: metric for metric in CATALOGUE if metric.of}
     rows = [
-        _row(str(name), measures, at, better.get(str(name)))
+        _row(str(name), measures, at, metrics.get(str(name)))
         for (name,), measures in found.group_by("metric", maintain_order=True)
         if measures["value"].count()
     ]
@@ -39,10 +39,12 @@ def quality_table(run: Run) -> Table | Skipped | None:
     return Table("quality", _TITLE, heads, (("", tuple(rows)),), _NOTES) if rows else None
 
 
-def _row(name: str, measures: pl.DataFrame, at: list[float], better: str | None) -> tuple[Cell, ...]:
+def _row(name: str, measures: pl.DataFrame, at: list[float], metric: Metric | None) -> tuple[Cell, ...]:
     values = {row["theta"]: row for row in measures.iter_rows(named=True)}
     told = values.get(THETA) or values.get(None) or {}
     low, high = told.get("low"), told.get("high")
     interval = None if low is None or high is None else f"{decimals(low)} to {decimals(high)}"
-    cells = tuple(values[theta]["value"] if theta in values else None for theta in (*at, None))
-    return (name.replace("_", " "), *cells, told.get("count"), interval, better)
+    cells = [values[theta]["value"] if theta in values else None for theta in (*at, None)]
+    if metric and metric.whole:
+        cells = [None if cell is None else int(cell) for cell in cells]
+    return (name.replace("_", " "), *cells, told.get("count"), interval, metric.better if metric else None)

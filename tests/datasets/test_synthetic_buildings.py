@@ -52,6 +52,14 @@ class TestPlans:
         assert {"door", "passage", "glass", "window"} == {o.kind for o in plan.openings}
         assert any(room.code.startswith("OP") for room in plan.rooms)
 
+    @pytest.mark.parametrize("number", [1432, 5293, 5854, 6811, 7735])
+    def test_the_narrowest_meeting_room_has_its_glass_too(self, number):
+        (glass,) = [o for o in building(number).openings if o.kind == "glass"]
+        assert glass.end - glass.start > 1.2
+        for other in building(number).openings:
+            if other is not glass and (other.axis, other.at) == (glass.axis, glass.at):
+                assert other.end <= glass.start or glass.end <= other.start
+
     @pytest.mark.parametrize("number", MADE)
     def test_the_twins_are_alike(self, number):
         plan = building(number)

@@ -11,6 +11,7 @@ from omnieval.errors import ConfigError, ResultError
 from omnieval.localization.run import localize, open_localization
 from omnieval.localization.table import QUERIES
 from omnieval.localization.words import answer_lines, find_query
+from omnieval.mapping.step import FinalMap, Placement, Role, Step
 from omnieval.results.run_folder import open_run
 from tests.localization.conftest import CONFIG
 from tests.testing.test_mapper import Slices
@@ -180,6 +181,26 @@ def test_the_nearest_image_may_belong_to_no_node_and_is_found_all_the_same(panor
     text = dict(answer_lines(found, find_query(found, str(query))))
     assert text["nearest"].startswith("found at an image that no node has")
     assert text["error"].startswith("0.00 m")
+
+
+class Nothing(Slices):
+    """A mapper that makes no node of anything."""
+
+    def step(self, description):
+        return Step(super().step(description).frame, "no", Role.REFUSED, None)
+
+    def finish(self):
+        images = len(self.positions)
+        nowhere = (Placement.UNASSIGNED,) * images
+        return FinalMap(np.zeros(images, np.int64), nowhere, (), frozenset(), np.zeros((0, len(self.positions[0]))))
+
+
+def test_in_a_map_without_a_node_the_nearest_image_is_found(panoramas, tmp_path):
+    run = omnieval.replay(panoramas, mapper=Nothing(), limit=12, out=tmp_path / "run", recording=False)
+    found = localize(run, panoramas, limit=3, out=tmp_path / "found")
+    assert found.table.select("strategy", "best_frame").rows() == [("nearest", 0), ("nearest", 1), ("nearest", 2)]
+    with pytest.raises(ConfigError, match="no node to begin with; leave coarse out"):
+        localize(run, panoramas, strategies=["coarse"], out=tmp_path / "coarse")
 
 
 def test_a_mapper_that_only_this_process_knew_has_a_map_all_the_same(panoramas, tmp_path, caplog):

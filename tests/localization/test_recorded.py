@@ -38,6 +38,17 @@ def test_a_step_shows_each_query_with_what_was_found_and_how_far_off(found):
     assert refused["query"].to_list() == [step for step, text in sorted(said.items()) if "levels: " in text[0]]
 
 
+def test_the_picture_is_that_of_the_image_where_the_map_has_its_name_twice(panoramas, darker, tmp_path):
+    first = omnieval.replay(panoramas, mapper="leader", limit=8, out=tmp_path / "first", recording=False)
+    both = omnieval.replay(darker, continuing=first, out=tmp_path / "both", recording=False)
+    assert both.steps["file"].is_duplicated().sum() == 2 * 2
+    found = omnieval.localize(both, str(panoramas), limit=5, strategies=["nearest"], out=tmp_path / "light")
+    assert found.table["best_frame"].to_list() == list(range(5))
+    path = record_localization(found)
+    blob = "EncodedImage:blob"
+    assert column(path, "/found/nearest", blob) == column(path, "/image/panorama", blob)
+
+
 def test_the_command_makes_it_and_view_opens_it(found, tmp_path, monkeypatch):
     given: list[Path] = []
     monkeypatch.setattr(viewer, "open_viewer", given.extend)

@@ -15,7 +15,7 @@ LIGHTS: Final[tuple[str, ...]] = ("cloudy", "night", "sunny")
 MIRROR: Final = Mirror(322.0, 239.0, 46.0, 228.0)
 """Where the mirror lies in the images, which are 640 pixels wide and 480 high."""
 
-RENDERER_VERSION: Final = 2
+RENDERER_VERSION: Final = 3
 """Raised with every change of pixels or poses, so that old cached images are never taken for new ones."""
 
 HIGHEST_BUILDING: Final = 9999

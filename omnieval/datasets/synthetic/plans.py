@@ -263,7 +263,7 @@ def _towards_corridor(slot: _Slot, kind: str, relative: float) -> list[Opening]:
     if kind == "OP":
         middle, half = (start + end) / 2, min(1.2, (end - start) / 2 - 0.5)
         return [Opening(axis, at, middle - half, middle + half, "passage", 0.0, 2.3)]
-    if kind == "CNR" and end - start > 3.6:
+    if kind == "CNR":
         door = start + 0.35
         return [
             Opening(axis, at, door, door + _DOOR, "door"),

@@ -138,9 +138,12 @@ def test_gaps_in_the_names_of_cold_can_be_filled(tmp_path):
     assert "poses-interpolated" in codes
 
 
-def test_poses_of_what_has_poses_of_its_own_are_refused(tmp_path):
+def test_what_archives_and_loaded_sequences_have_of_their_own_is_not_given_anew(tmp_path):
     with pytest.raises(ConfigError, match="has poses of its own, xy and yaw"):
         archive_file("npz:mine.npz#poses=a.tum")
+    for archive in ("npz:mine", "mine.npz", "MINE.NPZ"):
+        with pytest.raises(ConfigError, match="images alone are perturbed"):
+            archive_file(f"{archive}#noise=2,seed=3")
     with pytest.raises(ConfigError, match=r"give them to omnieval\.load"):
         omnieval.replay(load(a_folder(tmp_path / "tour")), poses="a.tum")
 
