@@ -50,6 +50,7 @@ def test_every_operation_of_a_replay_can_fail(
     monkeypatch.setattr("omnieval.results.run_folder._PART_ROWS", 18)
     arguments = ("replay", panoramas, *REPLAY, "--limit", FRAMES, recording, "--out")
     outcomes: Counter[str] = Counter()
+    left: set[tuple[str, ...]] = set()
     for disk in every_fault(tmp_path, code, lasting=lasting, stride=stride + lasting):
         folder = tmp_path / f"run{sum(outcomes.values())}"
         with disk.mounted():
@@ -64,8 +65,12 @@ def test_every_operation_of_a_replay_can_fail(
             assert lasting or lost == bool(open_run(folder).manifest.get("recording_failure"))
             state += ", recording lost and said so" if lost else ""
         outcomes[state] += 1
-        assert in_process(*arguments, folder, "--overwrite", "--no-rrd", cwd=tmp_path).returncode == 0
-        assert open_run(folder).content_hash == short.content_hash
+        kind = (state, *sorted(str(path.relative_to(folder)) for path in folder.rglob("*")))
+        if kind not in left:  # what is left behind is of few kinds, and each can be written over
+            left.add(kind)
+            assert in_process(*arguments, folder, "--overwrite", "--no-rrd", cwd=tmp_path).returncode == 0
+            assert open_run(folder).content_hash == short.content_hash
+    assert len(left) > 2
     with capsys.disabled():
         print(f"\nreplay {recording}, {disk.operations} operations: {dict(outcomes)}")
     assert outcomes["complete"] >= 1
