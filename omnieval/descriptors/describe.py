@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from omnieval.components import Component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
-from omnieval.descriptors.description import Description, Descriptor, MaskedDescriptor
+from omnieval.descriptors.description import BatchDescriptor, Description, Descriptor, MaskedDescriptor
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_colour, decode_grey
@@ -36,6 +37,15 @@ class DescribedFrame:
 
 _New = tuple[str | None, DescribedFrame]
 """A description, and the state of its file before that was read."""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A panorama, the digest of what it was made from, and the state of its file before that was read."""
+
+    state: str | None
+    digest: str
+    panorama: NDArray[np.uint8]
 
 
 class Describer:
@@ -61,6 +71,7 @@ class Describer:
         self._descriptor: Descriptor = descriptor.make()
         self._cache = cache
         self._decode = decode_colour if getattr(self._descriptor, "colour", False) else decode_grey
+        self._batch = self._descriptor.batch if isinstance(self._descriptor, BatchDescriptor) else 1
         self._name = descriptor.name
         self._key = lru_cache(None)(lambda bits: description_key(camera.settings, descriptor.identity, bits))
 
@@ -73,21 +84,42 @@ class Describer:
             When it comes to an image that cannot be read.
         """
         with ThreadPoolExecutor(_WORKERS) as pool:
-            under_way: deque[tuple[Frame, Future[_New] | DescribedFrame]] = deque()
+            under_way: deque[Iterator[DescribedFrame]] = deque()
+            ahead = max(1, _AHEAD // self._batch)
+            coming = iter(frames)
             try:
-                for frame in frames:
-                    known = self._cache.lookup(frame.path, self._key(frame.bits))
-                    under_way.append(
-                        (frame, DescribedFrame(known[1], known[0]) if known else pool.submit(self._describe, frame))
-                    )
-                    if len(under_way) > _AHEAD:
-                        yield self._take(*under_way.popleft())
+                while group := list(islice(coming, self._batch)):
+                    known = [self._known(frame) for frame in group]
+                    new = [frame for frame, one in zip(group, known, strict=True) if one is None]
+                    under_way.append(self._take(group, known, pool.submit(self._describe, new) if new else None))
+                    if len(under_way) > ahead:
+                        yield from under_way.popleft()
                 while under_way:
-                    yield self._take(*under_way.popleft())
+                    yield from under_way.popleft()
             finally:
                 pool.shutdown(cancel_futures=True)
 
-    def _describe(self, frame: Frame) -> _New:
+    def _known(self, frame: Frame) -> DescribedFrame | None:
+        found = self._cache.lookup(frame.path, self._key(frame.bits))
+        return DescribedFrame(found[1], found[0]) if found else None
+
+    def _describe(self, frames: Sequence[Frame]) -> list[_New | OmnievalError]:
+        """Describe frames together; in the place of one that cannot be read is the error."""
+        read: list[_Read | OmnievalError] = []
+        for frame in frames:
+            try:
+                read.append(self._read(frame))
+            except OmnievalError as error:
+                read.append(error)
+        readable = [one for one in read if isinstance(one, _Read)]
+        where = " to ".join(dict.fromkeys(str(frames[place].path) for place in (0, -1)))
+        descriptions = iter(self._describe_seen([one.panorama for one in readable], where) if readable else ())
+        return [
+            (one.state, DescribedFrame(next(descriptions), one.digest)) if isinstance(one, _Read) else one
+            for one in read
+        ]
+
+    def _read(self, frame: Frame) -> _Read:
         where = str(frame.path)
         try:
             state = file_state(frame.path)
@@ -95,34 +127,46 @@ class Describer:
             state = None  # whoever reads it says what is wrong
         data = frame.read()
         digest = image_digest(data)
-        grey = disturbed(decode_grey(data, where, frame.bits), self._camera.disturbance, digest)
-        panorama = self._camera.panorama(grey, where=where)
+        image = disturbed(self._decode(data, where, frame.bits), self._camera.disturbance, digest)
+        return _Read(state, digest, self._camera.panorama(image, where=where))
+
+    def _describe_seen(self, panoramas: Sequence[NDArray[np.uint8]], where: str) -> Sequence[Description]:
+        mask = self._camera.panorama_mask
+        if mask is not None:
+            panoramas = [mask.filled(panorama) for panorama in panoramas]
         try:
-            description = self._describe_seen(panorama)
+            if mask is not None and isinstance(self._descriptor, MaskedDescriptor):
+                return [self._descriptor.describe_masked(panorama, mask.seen) for panorama in panoramas]
+            if isinstance(self._descriptor, BatchDescriptor):
+                described = self._descriptor.describe_batch(panoramas)
+            else:
+                described = [self._descriptor.describe(panorama) for panorama in panoramas]
         except OmnievalError:
             raise
         except Exception as error:  # whatever the code of others raises
             fault = " ".join(f"{type(error).__name__}: {error}".split())
             raise ConfigError(f"the descriptor {self._name} failed on image {where}: {fault}") from error
-        return state, DescribedFrame(description, digest)
+        if len(described) != len(panoramas):
+            fault = f"{len(described)} descriptions of {len(panoramas)} panoramas"
+            raise ConfigError(f"the descriptor {self._name} made {fault}, from image {where}")
+        return described
 
-    def _describe_seen(self, panorama: NDArray[np.uint8]) -> Description:
-        mask = self._camera.panorama_mask
-        if mask is None:
-            return self._descriptor.describe(panorama)
-        if panorama.ndim == 3:
-            filled = np.stack([mask.filled(panorama[:, :, channel]) for channel in range(panorama.shape[2])], axis=2)
-        else:
-            filled = mask.filled(panorama)
-        if isinstance(self._descriptor, MaskedDescriptor):
-            return self._descriptor.describe_masked(filled, mask.seen)
-        return self._descriptor.describe(filled)
-
-    def _take(self, frame: Frame, described: Future[_New] | DescribedFrame) -> DescribedFrame:
-        """Return a description; a new one is also kept. Only the caller's thread uses the cache."""
-        if isinstance(described, DescribedFrame):
-            return described
-        state, result = described.result()
-        if state is not None:
-            self._cache.store(frame.path, state, self._key(frame.bits), result.digest, result.description)
-        return result
+    def _take(
+        self,
+        frames: Sequence[Frame],
+        known: Sequence[DescribedFrame | None],
+        new: Future[list[_New | OmnievalError]] | None,
+    ) -> Iterator[DescribedFrame]:
+        """Yield the descriptions of frames; new ones are also kept. Only the caller's thread uses the cache."""
+        described = iter(new.result() if new else ())
+        for frame, one in zip(frames, known, strict=True):
+            if one is not None:
+                yield one
+                continue
+            found = next(described)
+            if isinstance(found, OmnievalError):
+                raise found
+            state, result = found
+            if state is not None:
+                self._cache.store(frame.path, state, self._key(frame.bits), result.digest, result.description)
+            yield result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -28,7 +29,8 @@ class Description:
 class Descriptor(Protocol):
     """Turns a panorama into a `Description`. Pure: the same panorama gives the same arrays, from any thread.
 
-    A class of one's own needs `describe` and nothing else. It may also have
+    A class of one's own needs `describe` and nothing else. It may be a `BatchDescriptor` or a `MaskedDescriptor` too,
+    and may have
 
     - ``name``, what it is called in tables (default: made of the class's name),
     - ``Settings``, a pydantic model of its parameters, an object of which the constructor then takes; or ``settings``,
@@ -37,11 +39,28 @@ class Descriptor(Protocol):
     - ``colour``: if it is true, panoramas are given in colour, shape (rows, columns, 3), BGR.
 
     A descriptor without an orientation part returns one cell that is always the same, shape (1, 1): then the position
-    level decides alone.
+    level decides alone, and says nothing about headings.
     """
 
     def describe(self, panorama: NDArray[np.uint8]) -> Description:
         """Describe one grey panorama, shape (rows, columns), uint8."""
+        ...
+
+
+@runtime_checkable
+class BatchDescriptor(Protocol):
+    """A descriptor that can be given several panoramas at once.
+
+    Attributes
+    ----------
+    batch
+        How many it is given at most.
+    """
+
+    batch: int
+
+    def describe_batch(self, panoramas: Sequence[NDArray[np.uint8]]) -> Sequence[Description]:
+        """Describe panoramas of one size, as `describe` does each, to the bit, whatever stands beside it."""
         ...
 
 

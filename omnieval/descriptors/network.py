@@ -1,16 +1,16 @@
 """Descriptors from any network: pooled from the last feature map of the panorama, by ONNX Runtime.
 
 With a feature map of C channels, H' rows and W' columns, the position descriptor is pooled over rows and columns, and
-the orientation descriptor over the rows alone: it has W' cells, and rolls as the robot turns. GeM is that of F.
-Radenović, G. Tolias, O. Chum, *Fine-tuning CNN Image Retrieval with No Human Annotation*, doi
-10.1109/TPAMI.2018.2846566.
+the orientation descriptor over the rows alone: it has W' cells, and rolls as the robot turns. If a network gives one
+vector, that is the position descriptor, and there is no orientation. GeM is that of F. Radenović, G. Tolias, O. Chum,
+*Fine-tuning CNN Image Retrieval with No Human Annotation*, doi 10.1109/TPAMI.2018.2846566.
 """
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
@@ -33,7 +33,7 @@ class Card(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     input: str = Field(description="name of the input")
-    output: str = Field(description="name of the output, a feature map")
+    output: str = Field(description="name of the output, a feature map or one vector")
     layout: Literal["nchw", "nhwc"] = Field("nchw", description="order of the axes of both")
     rows: int = Field(gt=0, le=4096, description="rows of the panorama as the network sees it")
     columns: int = Field(gt=0, le=8192, description="its columns, before padding")
@@ -45,6 +45,7 @@ class Card(BaseModel):
     std: tuple[float, ...] = Field((1.0,), description="and what they are divided by then")
     pooling: Literal["gem", "mean"] = Field("gem", description="how position descriptors are pooled")
     power: float = Field(3.0, ge=1, le=20, description="of GeM")
+    batch: int = Field(1, ge=1, le=256, description="panoramas that it is given at once, always this many")
     licence: str = Field("", description="of the weights")
     source: str = Field("", description="where they are from")
 
@@ -75,13 +76,67 @@ class Network:
         self._card = load_card(self.weights.with_suffix(".toml"))
         self.settings: dict[str, Any] = self._card.model_dump(mode="json")
         self._run = _session(self.weights, self._card)
+        self._tried = False
 
     def __reduce__(self) -> tuple[type[Network], tuple[Path]]:
         return Network, (self.weights,)
 
+    @property
+    def batch(self) -> int:
+        """How many panoramas it is given at once."""
+        return self._card.batch
+
     def describe(self, panorama: NDArray[np.uint8]) -> Description:
         """Describe one panorama, colour (BGR) or grey, shape (rows, columns[, 3]), uint8."""
-        features = self._features(panorama)
+        return self.describe_batch([panorama])[0]
+
+    def describe_batch(self, panoramas: Sequence[NDArray[np.uint8]]) -> list[Description]:
+        """Describe panoramas of one size; what is missing of a batch is filled up.
+
+        Raises
+        ------
+        ConfigError
+            If the network does not give what its card says, or gives a panorama other features in a batch of others.
+        """
+        size = self._card.batch
+        if size > 1 and not self._tried:
+            self._try_batch(as_input(panoramas[0], self._card).shape[1:])
+            self._tried = True
+        found: list[Description] = []
+        for start in range(0, len(panoramas), size):
+            given = [as_input(panorama, self._card) for panorama in panoramas[start : start + size]]
+            outputs = self._outputs(np.concatenate([*given, *[given[-1]] * (size - len(given))]))
+            found += [self._pooled(output) for output in outputs[: len(given)]]
+        return found
+
+    def _outputs(self, given: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return feature maps or vectors, one a panorama."""
+        found = np.asarray(self._run(given))
+        if found.ndim not in {2, 4} or len(found) != len(given):
+            raise ConfigError(
+                f"{self.weights}: output {self._card.output!r} must be one feature map or vector for each of "
+                f"{len(given)}, got shape {found.shape}"
+            )
+        return found
+
+    def _try_batch(self, shape: tuple[int, ...]) -> None:
+        """Refuse batches in which the features of a panorama depend on where it stands, or beside what.
+
+        The order of sums may depend on the place, but not on what is summed: noise tells as well as panoramas.
+        """
+        noise = np.random.default_rng(0).normal(size=(self._card.batch, *shape)).astype(np.float32)
+        among_others, everywhere = self._outputs(noise), self._outputs(np.repeat(noise[:1], len(noise), axis=0))
+        if any(one.tobytes() != among_others[0].tobytes() for one in everywhere):
+            raise ConfigError(
+                f"{self.weights} gives a panorama other features by its place in a batch of {self._card.batch}; "
+                "write batch = 1 in its card"
+            )
+
+    def _pooled(self, output: NDArray[np.float32]) -> Description:
+        """Return both descriptors of a feature map, or the position descriptor alone of a vector."""
+        if output.ndim == 1:
+            return Description(_normalised(output.astype(np.float64)), np.ones((1, 1), np.float32))
+        features = self._features(output)
         if self._card.pooling == "mean":
             position = features.mean(axis=(1, 2))
         else:
@@ -89,16 +144,10 @@ class Network:
             position = raised.mean(axis=(1, 2)) ** (1.0 / self._card.power)
         return Description(_normalised(position), _normalised(features.mean(axis=1).T))
 
-    def _features(self, panorama: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return the feature map of the panorama, shape (C, H', W')."""
+    def _features(self, output: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the feature map of what is not padding, shape (C, H', W')."""
         card = self._card
-        given = as_input(panorama, card)
-        found = np.asarray(self._run(given), np.float64)
-        if found.ndim != 4 or len(found) != 1:
-            raise ConfigError(
-                f"{self.weights}: output {card.output!r} must be one feature map, got shape {found.shape}"
-            )
-        features = found[0] if card.layout == "nchw" else found[0].transpose(2, 0, 1)
+        features = np.asarray(output if card.layout == "nchw" else output.transpose(2, 0, 1), np.float64)
         width = features.shape[2]
         beyond, rest = divmod(width * card.padding, card.columns + 2 * card.padding)
         if rest:
@@ -166,6 +215,9 @@ def _session(model: Path, card: Card) -> Callable[[NDArray[np.float32]], Any]:
     for what, name, names in zip(("input", "output"), (card.input, card.output), known, strict=True):
         if name not in names:
             raise ConfigError(f"{model} has no {what} {name!r}; it has {', '.join(names)}; correct its card")
+    images = next(one.shape[0] for one in session.get_inputs() if one.name == card.input)
+    if isinstance(images, int) and images != card.batch:
+        raise ConfigError(f"{model} takes {images} at once; write batch = {images} in its card")
     return lambda given: session.run([card.output], {card.input: given})[0]
 
 

@@ -49,11 +49,13 @@ class PanoramaMask:
     seen: NDArray[np.bool_]
 
     def filled(self, panorama: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return a grey panorama in which masked pixels are blended from the seen ones beside them in their row.
+        """Return a panorama in which masked pixels are blended from the seen ones beside them in their row.
 
         For filters that reach further than a pixel, and descriptors that know nothing of masks: no edge of a post is
         left. A row without a seen pixel is the nearest row that has one.
         """
+        if panorama.ndim == 3:
+            return np.stack([self.filled(panorama[:, :, channel]) for channel in range(panorama.shape[2])], axis=2)
         rows, left, right, share = self._neighbours
         blended = (1 - share) * panorama[rows, left] + share * panorama[rows, right]
         filled: NDArray[np.uint8] = np.where(self.seen, panorama, np.rint(blended).astype(np.uint8))

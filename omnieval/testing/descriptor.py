@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from itertools import cycle, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from pydantic import BaseModel
 from scipy.ndimage import gaussian_filter
 
 from omnieval.components import name_of, plain_settings
-from omnieval.descriptors.description import Description, Descriptor
+from omnieval.descriptors.description import BatchDescriptor, Description, Descriptor
 from omnieval.errors import ConfigError
 from omnieval.testing.contract import require, same
 
@@ -28,16 +29,19 @@ def check_descriptor(
       same shapes for panoramas of one size; black, grey and white panoramas included.
     - Pure: the panorama is not changed, equal panoramas give equal arrays to the bit, whatever was described in
       between and from two threads at once, and no array returned earlier is written again.
-    - Different panoramas differ in both descriptors.
-    - A panorama rolled by c cells has the same position descriptor, and the orientation descriptor rolled by c.
+    - A `BatchDescriptor` gives several at once what it gives each of them alone, to the bit, in any order.
+    - Different panoramas differ in both descriptors; a descriptor without an orientation part has one cell, shape
+      (1, 1), that is always the same.
+    - A panorama rolled by c cells has the same position descriptor, and the orientation descriptor rolled by c; without
+      an orientation part, the position descriptor is the same however the panorama is rolled.
 
     Parameters
     ----------
     descriptor
         The descriptor under test.
     panoramas
-        Grey panoramas of one size, shape (rows, columns), uint8, at least two different ones; three synthetic ones of
-        128 x 512 pixels by default.
+        Panoramas of one size, shape (rows, columns), or (rows, columns, 3) if it asks for colour, uint8, at least two
+        different ones; three synthetic ones of 128 x 512 pixels by default.
     tolerance
         Largest relative change, in the L2 norm, that a rotation may cause.
 
@@ -48,12 +52,15 @@ def check_descriptor(
     ConfigError
         If there are fewer than two panoramas.
     """
-    images = _panoramas() if panoramas is None else list(panoramas)
+    colour = bool(getattr(descriptor, "colour", False))
+    images = _panoramas(colour=colour) if panoramas is None else list(panoramas)
     if len(images) < 2:
         raise ConfigError(f"check_descriptor needs at least two panoramas, got {len(images)}; give more, or none")
     name, settings = name_of(descriptor), _settings_text(descriptor)
     require(name.replace("-", "_").isidentifier(), f"name must be a plain word, got {name!r}")
     described = _check_purity(descriptor, images)
+    if isinstance(descriptor, BatchDescriptor):
+        _check_batches(descriptor, images, described)
     for image, description in zip(images, described, strict=True):
         _check_rotation(descriptor, image, description, tolerance)
     _check_distinct(described)
@@ -66,14 +73,15 @@ def check_descriptor(
     )
 
 
-def _panoramas() -> list[NDArray[np.uint8]]:
+def _panoramas(*, colour: bool) -> list[NDArray[np.uint8]]:
     """Three panoramas with texture at several scales and edges; the same ones every time."""
     rng = np.random.default_rng(6480)
     images = []
     for size in (2, 4, 8):
         scene = gaussian_filter(rng.normal(size=(128, 512)), size, mode=("nearest", "wrap"))
         grey = 118 + 40 * scene / scene.std() + 40 * (scene > 0) + rng.normal(0, 4, scene.shape)
-        images.append(np.clip(grey, 0, 255).astype(np.uint8))
+        image = np.clip(grey, 0, 255).astype(np.uint8)
+        images.append(np.stack([image, np.roll(image, 5, axis=0), 255 - image], axis=2) if colour else image)
     return images
 
 
@@ -130,14 +138,31 @@ def _check_purity(descriptor: Descriptor, images: list[NDArray[np.uint8]]) -> li
     return kept
 
 
+def _check_batches(descriptor: BatchDescriptor, images: list[NDArray[np.uint8]], alone: list[Description]) -> None:
+    """Describe panoramas a few at once, forwards and backwards, in batches of every size up to the one it wants."""
+    size = descriptor.batch
+    require(isinstance(size, int) and size > 0, f"batch must be a whole number from 1, got {size!r}")
+    for order in (1, -1):
+        for count in sorted({1, min(2, size), size}):
+            given = list(islice(cycle(images[::order]), count))
+            described = list(descriptor.describe_batch([image.copy() for image in given]))
+            expected = list(islice(cycle(alone[::order]), count))
+            require(len(described) == count, f"describe_batch gave {len(described)} descriptions of {count} panoramas")
+            require(
+                same(described, expected),
+                f"describe_batch must give {count} panoramas what describe gives each of them",
+            )
+
+
 def _check_rotation(descriptor: Descriptor, image: NDArray[np.uint8], still: Description, tolerance: float) -> None:
     cells, columns = len(still.orientation), image.shape[1]
     require(
         columns % cells == 0,
         f"the orientation descriptor must have a number of cells that divides {columns} columns, got {cells}",
     )
-    for roll in sorted({1, cells // 3, cells // 2} - {0}):
-        turned = descriptor.describe(np.roll(image, roll * columns // cells, axis=1))
+    steps, unit = (cells, "cell") if cells > 1 else (columns, "column")
+    for roll in sorted({1, steps // 3, steps // 2} - {0}):
+        turned = descriptor.describe(np.roll(image, roll * columns // steps, axis=1))
         rolled = np.roll(still.orientation, roll, axis=0)
         for field, found, expected in (
             ("keep the position descriptor", turned.position, still.position),
@@ -146,12 +171,16 @@ def _check_rotation(descriptor: Descriptor, image: NDArray[np.uint8], still: Des
             change = float(np.linalg.norm(found - expected) / max(float(np.linalg.norm(expected)), 1e-12))
             require(
                 change <= tolerance,
-                f"a panorama rolled by {roll} cell(s) must {field}, but it changed by {change:.2g} of its norm "
+                f"a panorama rolled by {roll} {unit}(s) must {field}, but it changed by {change:.2g} of its norm "
                 f"(tolerance {tolerance:g})",
             )
 
 
 def _check_distinct(described: list[Description]) -> None:
-    for field in ("position", "orientation"):
+    oriented = described[0].orientation.shape != (1, 1)
+    for field in ("position", "orientation") if oriented else ("position",):
         distinct = {getattr(description, field).tobytes() for description in described}
         require(len(distinct) > 1, f"different panoramas must differ, but all have the same {field} descriptor")
+    if not oriented:
+        cells = {float(description.orientation[0, 0]) for description in described}
+        require(len(cells) == 1, f"an orientation descriptor of one cell must always be the same, got {sorted(cells)}")

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_grey
+from omnieval.imaging.mask import MaskFile
 
 CAMERA = CameraModel("panoramic", None, 32, 64, "the images are panoramas", (64, 32))
 HOG = resolve_component("descriptor", Hog(HogSettings(orientation_cells=32)))
@@ -180,6 +182,85 @@ def test_an_image_that_is_replaced_while_it_is_described_is_not_taken_for_the_on
             found += Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
             assert cache.hits == 0
     assert found[0].digest != found[1].digest
+
+
+def test_a_descriptor_that_asks_for_colour_is_given_colour_where_a_mask_is_filled_in_too(tmp_path):
+    image = np.random.default_rng(3).integers(0, 256, (32, 64, 3), np.uint8)
+    frame = Frame(tmp_path / "colour.png", "colour.png")
+    cv2.imwrite(str(frame.path), image)
+    black = np.full((32, 64), 255, np.uint8)
+    black[:, 10:14] = 0
+    masked = replace(CAMERA, mask=MaskFile(tmp_path / "mask.png", "digest", black))
+    given = []
+
+    class Sees:
+        colour = True
+
+        def describe(self, panorama):
+            given.append(panorama)
+            return Description(np.ones(1, np.float32), np.ones((1, 1), np.float32))
+
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        for camera in (CAMERA, masked):
+            next(Describer(camera, resolve_component("descriptor", Sees()), cache).describe_frames([frame]))
+    assert np.array_equal(given[0], image)
+    assert np.array_equal(given[1][:, 20:], image[:, 20:])
+    assert given[1].shape == image.shape
+    between = (given[1][:, 11].astype(int) - image[:, 8]) * (given[1][:, 11].astype(int) - image[:, 15])
+    assert (between <= 0).all(), "each channel is blended from the seen pixels on either side"
+
+
+class Batched:
+    """Hands on the mean of panoramas, and notes how many it was given at once."""
+
+    batch = 3
+
+    def __init__(self, given):
+        self.given = given
+
+    def describe(self, panorama):
+        return self.describe_batch([panorama])[0]
+
+    def describe_batch(self, panoramas):
+        self.given.append(len(panoramas))
+        return [Description(np.array([one.mean()], np.float32), np.ones((1, 1), np.float32)) for one in panoramas]
+
+
+def test_panoramas_are_described_several_at_once_by_a_descriptor_that_can(tmp_path, frames):
+    given: list[int] = []
+    batched = resolve_component("descriptor", Batched(given))
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        list(Describer(CAMERA, batched, cache).describe_frames(frames[4:5]))
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        described = list(Describer(CAMERA, batched, cache).describe_frames(frames[:11]))
+    assert sorted(given) == [1, 2, 2, 3, 3], "one was known already"
+    means = [decode_grey(frame.read(), frame.file).mean(dtype=np.float64) for frame in frames[:11]]
+    np.testing.assert_allclose([float(one.description.position[0]) for one in described], means, rtol=1e-6)
+    assert [one.digest for one in described] == [image_digest(frame.read()) for frame in frames[:11]]
+
+
+def test_a_bad_image_of_a_batch_is_reported_when_it_is_its_turn_and_the_others_are_described(tmp_path, frames):
+    frames[4].path.write_bytes(b"no image")
+    batched = resolve_component("descriptor", Batched([]))
+    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        describing = Describer(CAMERA, batched, cache).describe_frames(frames)
+        assert len(list(itertools.islice(describing, 4))) == 4
+        with pytest.raises(DatasetError, match=r"04\.png"):
+            next(describing)
+
+
+def test_too_few_descriptions_of_a_batch_are_told_with_the_images(tmp_path, frames):
+    class Loses(Batched):
+        def describe_batch(self, panoramas):
+            return super().describe_batch(panoramas)[1:]
+
+    with (
+        DescriptorCache(tmp_path / "c.sqlite") as cache,
+        pytest.raises(
+            ConfigError, match=r"loses made 2 descriptions of 3 panoramas, from image .*00\.png to .*02\.png"
+        ),
+    ):
+        next(Describer(CAMERA, resolve_component("descriptor", Loses([])), cache).describe_frames(frames))
 
 
 def test_what_a_descriptor_of_ones_own_raises_is_told_with_the_image(tmp_path, frames):

@@ -37,7 +37,7 @@ def model(tmp_path: Path) -> Path:
             helper.make_node("Relu", ["sums"], ["features"]),
         ],
         "small",
-        [helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, "rows", "columns"])],
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, ["images", 3, "rows", "columns"])],
         [helper.make_tensor_value_info("features", TensorProto.FLOAT, None)],
         [numpy_helper.from_array(kernel, "kernel")],
     )
@@ -53,6 +53,46 @@ def panorama(seed: int = 1) -> np.ndarray:
 
 def test_it_keeps_the_contract(model: Path) -> None:
     check_descriptor(Network(model))
+
+
+def test_batches_are_filled_up_and_change_no_bit(model: Path) -> None:
+    panoramas = [panorama(seed) for seed in range(5)]
+    alone = [Network(model).describe(one) for one in panoramas]
+    model.with_suffix(".toml").write_text(f"{CARD}batch = 3\n", "utf-8")
+    batched = Network(model)
+    assert batched.batch == 3
+    check_descriptor(batched)
+    for one, other in zip(batched.describe_batch(panoramas), alone, strict=True):
+        assert one.position.tobytes() == other.position.tobytes()
+        assert one.orientation.tobytes() == other.orientation.tobytes()
+
+
+def test_a_network_whose_features_depend_on_the_batch_is_refused(model: Path) -> None:
+    network = onnx.load(str(model))
+    network.graph.node[-1].input[0] = "centred"
+    network.graph.node.insert(1, helper.make_node("ReduceMean", ["sums"], ["mean"], axes=[0], keepdims=1))
+    network.graph.node.insert(2, helper.make_node("Sub", ["sums", "mean"], ["centred"]))
+    onnx.save(network, str(model))
+    model.with_suffix(".toml").write_text(f"{CARD}batch = 3\n", "utf-8")
+    with pytest.raises(ConfigError, match="other features by its place in a batch of 3; write batch = 1"):
+        Network(model).describe(panorama())
+
+
+def test_a_vector_is_a_position_descriptor_without_orientation(model: Path) -> None:
+    network = onnx.load(str(model))
+    network.graph.node.extend(
+        [
+            helper.make_node("GlobalAveragePool", ["features"], ["pooled"]),
+            helper.make_node("Flatten", ["pooled"], ["vector"]),
+        ]
+    )
+    network.graph.output[0].CopyFrom(helper.make_tensor_value_info("vector", TensorProto.FLOAT, ["images", 6]))
+    onnx.save(network, str(model))
+    model.with_suffix(".toml").write_text(CARD.replace('"features"', '"vector"'), "utf-8")
+    described = Network(model).describe(panorama())
+    assert described.position.shape == (6,)
+    assert np.linalg.norm(described.position) == pytest.approx(1)
+    assert described.orientation.tolist() == [[1]]
 
 
 def test_both_parts_are_pooled_from_the_features(model: Path) -> None:
@@ -100,6 +140,7 @@ def test_card_and_weights_are_its_identity(model: Path) -> None:
         ('"features"', '"sum"', "has no output 'sum'; it has features; correct its card"),
         ("padding = 8", "padding = 6", "must be multiples of the network's stride"),
         ("rows = 32", "", "rows: Field required"),
+        ("rows = 32", "rows = 32\nbatch = 0", "batch: Input should be greater than"),
         ("input", "=", "is no TOML"),
     ],
 )
@@ -107,6 +148,14 @@ def test_a_wrong_card_is_told(model: Path, old: str, new: str, said: str) -> Non
     model.with_suffix(".toml").write_text(CARD.replace(old, new, 1), "utf-8")
     with pytest.raises(ConfigError, match=said):
         Network(model).describe(panorama())
+
+
+def test_a_network_for_another_number_of_panoramas_is_told(model: Path) -> None:
+    network = onnx.load(str(model))
+    network.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 4
+    onnx.save(network, str(model))
+    with pytest.raises(ConfigError, match="takes 4 at once; write batch = 4 in its card"):
+        Network(model)
 
 
 def test_a_file_that_is_no_network_is_told(model: Path) -> None:

@@ -105,6 +105,49 @@ class ReturnsATuple(Brightness):
         return description.position, description.orientation
 
 
+class Batched(Brightness):
+    batch = 4
+
+    def describe_batch(self, panoramas):
+        return [self.describe(panorama) for panorama in panoramas]
+
+
+class Unoriented(Brightness):
+    """A descriptor with a position part alone."""
+
+    def describe(self, panorama):
+        return Description(super().describe(panorama).position, np.ones((1, 1), np.float32))
+
+
+class Coloured(Brightness):
+    colour = True
+
+    def describe(self, panorama):
+        assert panorama.shape == (128, 512, 3)
+        return super().describe(panorama[:, :, 2])
+
+
+class LooksAside(Batched):
+    def describe_batch(self, panoramas):
+        among = np.float32(np.mean(panoramas))
+        return [Description(one.position + among, one.orientation) for one in super().describe_batch(panoramas)]
+
+
+class Forgets(Batched):
+    def describe_batch(self, panoramas):
+        return super().describe_batch(panoramas[:3])
+
+
+class OneMovingCell(Brightness):
+    def describe(self, panorama):
+        return Description(super().describe(panorama).position, np.full((1, 1), panorama.mean(), np.float32))
+
+
+class UnorientedFront(Unoriented):
+    def describe(self, panorama):
+        return super().describe(panorama[:, :256])
+
+
 def with_attributes(**attributes):
     descriptor = Brightness()
     for name, value in attributes.items():
@@ -120,6 +163,9 @@ def with_attributes(**attributes):
         Gist(),
         Gist(GistSettings(prefilter="local-contrast", normalisation="global-l2", orientation_width=32, padding=32)),
         Brightness(),
+        Batched(),
+        Unoriented(),
+        Coloured(),
     ],
     ids=lambda descriptor: descriptor.name,
 )
@@ -145,6 +191,10 @@ def test_panoramas_of_ones_own_can_be_given():
         (with_attributes(settings={"weights": np.ones(2)}), "settings must be plain values that JSON can hold"),
         (with_attributes(settings={"scale": math.nan}), "settings must be plain values that JSON can hold"),
         (with_attributes(settings=["stride"]), "settings must be a dict or a pydantic model, got list"),
+        (LooksAside(), "describe_batch must give 1 panoramas what describe gives each of them"),
+        (Forgets(), "describe_batch gave 3 descriptions of 4 panoramas"),
+        (OneMovingCell(), "an orientation descriptor of one cell must always be the same"),
+        (UnorientedFront(), r"a panorama rolled by 1 column\(s\) must keep the position descriptor"),
         (ReturnsATuple(), "describe must return a Description"),
         (brightness(position=np.float64), "position descriptor of panorama 0 must be float32, got float64"),
         (brightness(orientation=np.ravel), r"must have 2 dimension\(s\), got shape \(64,\)"),
