@@ -22,7 +22,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
-from omnieval.descriptors.cache_state import cache_state
+from omnieval.descriptors.cache_folder import DESCRIPTIONS, STREAMS, cache_state
 from omnieval.wording import counted
 
 FRAMES = 40
@@ -169,13 +169,14 @@ def _blas() -> dict[str, str]:
 
 def _cache() -> dict[str, str]:
     state = cache_state()
-    count = "unknown" if state.descriptions is None else str(state.descriptions)
+    streams = state.of(STREAMS)
+    kept = f"{state.of(DESCRIPTIONS).count} in {counted(state.sets, 'set')}, {counted(state.segments, 'segment')}"
     return {
         "folder": _homeless(str(state.folder)),
         "writable": "yes" if state.writable else "no",
         "size": f"{state.bytes / 1e6:.1f} MB",
-        "descriptions": count,
-        "videos and bags": f"{counted(state.streams, 'folder')}, {state.stream_bytes / 1e6:.1f} MB, in streams",
+        "descriptions": kept if state.segments else "0",
+        "videos and bags": f"{counted(streams.count, 'folder')}, {streams.bytes / 1e6:.1f} MB, in streams",
         "integrity": state.integrity,
     }
 

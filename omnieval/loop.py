@@ -22,8 +22,7 @@ from omnieval.components import Component
 from omnieval.config import Config, as_config
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.archive import Archive, save_archive
-from omnieval.descriptors.describe import DescribedFrame
-from omnieval.descriptors.description import Description
+from omnieval.descriptors.description import DescribedFrame, Description
 from omnieval.errors import ConfigError, ResultError
 from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks

@@ -33,8 +33,8 @@ from omnieval.datasets.source import apart
 from omnieval.datasets.trajectory.load import OPTIONS as OF_POSES
 from omnieval.descriptors.archive import Archive, load_archive
 from omnieval.descriptors.cache import DescriptorCache, image_digest
-from omnieval.descriptors.describe import DescribedFrame, Describer
-from omnieval.descriptors.description import Description
+from omnieval.descriptors.describe import Describer
+from omnieval.descriptors.description import DescribedFrame, Description
 from omnieval.errors import ConfigError, DatasetError, OmnievalError, ResultError
 from omnieval.imaging.camera import CameraModel, camera_in_words, camera_of, resolve_camera
 from omnieval.imaging.glance import image_size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 _LONGEST_NAME = 100
@@ -115,3 +115,55 @@ def decimals(value: float, places: int = 3) -> str:
     ('−0.072', '1.2')
     """
     return f"{value:.{places}f}".replace("-", "−")
+
+
+_SIZES = {"kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+_TIMES = {"h": 3600.0, "d": 86_400.0, "w": 7 * 86_400.0}
+
+
+def bytes_in_words(count: int) -> str:
+    """Return a number of bytes as a person reads it, with powers of ten.
+
+    Examples
+    --------
+    >>> bytes_in_words(12_345_678), bytes_in_words(512), bytes_in_words(2_000_000_000)
+    ('12.3 MB', '512 bytes', '2.0 GB')
+    """
+    unit, size = next(((unit, size) for unit, size in reversed(_SIZES.items()) if count >= size), ("bytes", 1))
+    return f"{count} {unit}" if size == 1 else f"{count / size:.1f} {unit}"
+
+
+def parse_bytes(text: str) -> int:
+    """Read a size: a number and kB, MB, GB or TB, powers of ten; without these, bytes.
+
+    Raises
+    ------
+    ValueError
+        What is expected, if it is none.
+
+    Examples
+    --------
+    >>> parse_bytes("10GB"), parse_bytes("1.5 kb"), parse_bytes("0")
+    (10000000000, 1500, 0)
+    """
+    return round(_amount(text, {**_SIZES, "": 1}, "a size such as 10GB or 500MB"))
+
+
+def parse_seconds(text: str) -> float:
+    """Read a time: a number and h, d or w; errors are as of `parse_bytes`.
+
+    Examples
+    --------
+    >>> parse_seconds("12h"), parse_seconds("2d")
+    (43200.0, 172800.0)
+    """
+    return _amount(text, _TIMES, "a time such as 30d, 12h or 4w")
+
+
+def _amount(text: str, units: Mapping[str, float], expected: str) -> float:
+    found = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]*)\s*", text)
+    by_name = {unit.casefold(): size for unit, size in units.items()}
+    size = by_name.get(found[2].casefold()) if found else None
+    if found is None or size is None:
+        raise ValueError(f"{expected}, not {shown(text)!r}")
+    return float(found[1]) * size

@@ -38,14 +38,14 @@ def found_in(mapper: Component, in_map: Described, query: Described) -> dict[str
     map_ = _map_of(mapper, in_map)
     strategy = LEVELS if has_levels(mapper) else COARSE
     finder = STRATEGIES[strategy](map_, mapper)
-    asked = Query("query", query.frames, list(query.descriptions()))
+    asked = Query("query", query.frames, list(query.descriptions))
     table = queries_frame(list(answers(finder, asked, WITHIN_M)))
     values = measure(table, WITHIN_M, len(map_)).values
     return {"strategy": strategy, **{name: values[name] for name in FOUND}}
 
 
 def _map_of(mapper: Component, described: Described) -> TopologicalMap:
-    final = mapped(mapper, described.descriptions()).finish()
+    final = mapped(mapper, described.descriptions).finish()
     frames = described.frames
     positions = described.positions
     unknown = np.full((len(frames), 2), np.nan)
@@ -55,7 +55,7 @@ def _map_of(mapper: Component, described: Described) -> TopologicalMap:
         xy=unknown if positions is None else np.array(positions),
         yaws=np.array([np.nan if frame.pose is None else frame.pose.yaw for frame in frames]),
         rooms=np.array([frame.room or "" for frame in frames], np.str_),
-        orientations=np.array(described.load("orientation")),
-        **arrays_of(final, np.array(described.load("position"))),
+        orientations=np.array(described.descriptions.array("orientation")),
+        **arrays_of(final, np.array(described.descriptions.array("position"))),
         about={},
     )

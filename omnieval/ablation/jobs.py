@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,13 @@ from omnieval.baselines.similarity import similarity_matrix, too_many
 from omnieval.baselines.spectral import spectral_embedding
 from omnieval.config import Config
 from omnieval.datasets.sequence import Frame
-from omnieval.descriptors.description import Description
+from omnieval.descriptors.description import DescribedFrame
+from omnieval.descriptors.stored import Descriptions, kept
 from omnieval.errors import ConfigError
 from omnieval.imaging.soundness import BadImage
 from omnieval.mapping.interface import Method
 from omnieval.material import Cut, Material, Source
 from omnieval.metrics.silhouette import silhouettes
-from omnieval.results.atomic import replacing
 from omnieval.results.provenance import dataset_fingerprint
 
 
@@ -114,7 +114,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Described:
-    """A sequence described once for all jobs that need it; small, because the descriptors stay on disk.
+    """A sequence described once for all jobs that need it; small, because the descriptors stay in the array store.
 
     Attributes
     ----------
@@ -122,15 +122,15 @@ class Described:
         The n images.
     positions
         True capture positions, shape (n, 2), metres, NaN where unknown; None when none is known.
-    folder
-        Holds ``position.npy``, shape (n, d), and ``orientation.npy``, shape (n, cells, bins), float32.
+    descriptions
+        Those of the images, in order.
     fingerprint
         Digest of images, names, poses and labels.
     """
 
     frames: tuple[Frame, ...]
     positions: NDArray[np.float64] | None
-    folder: Path
+    descriptions: Descriptions
     fingerprint: str
 
     @property
@@ -143,37 +143,28 @@ class Described:
         """When every image was taken, nanoseconds."""
         return [frame.time_ns for frame in self.frames]
 
-    def load(self, name: str) -> NDArray[np.float32]:
-        """Return ``position`` or ``orientation``; the pages are shared by all processes that read them."""
-        array: NDArray[np.float32] = np.load(self.folder / f"{name}.npy", mmap_mode="r")
-        return array
-
-    def descriptions(self) -> Iterable[Description]:
-        """Yield the descriptions of the images, in order."""
-        for position, orientation in zip(self.load("position"), self.load("orientation"), strict=True):
-            yield Description(np.array(position), np.array(orientation))
-
 
 def describe(material: Material, folder: Path) -> Described:
-    """Describe all images of the material and keep the descriptors in `folder`, which exists.
+    """Describe all images of the material; what the cache cannot keep is kept in `folder`.
 
     Raises
     ------
+    ConfigError
+        If the descriptions are of several shapes.
     DatasetError
         If an image cannot be read.
     ResultError
         If the descriptors cannot be written.
     """
-    described = list(material.described)
-    arrays = {
-        "position": np.stack([one.description.position for one in described]),
-        "orientation": np.stack([one.description.orientation for one in described]),
-    }
-    for name, array in arrays.items():
-        with replacing(folder / f"{name}.npy") as temporary, temporary.open("wb") as stream:
-            np.save(stream, array)
-    fingerprint = dataset_fingerprint(material.frames, [one.digest for one in described])
-    return Described(material.frames, material.positions, folder, fingerprint)
+    digests = []
+
+    def noted() -> Iterator[DescribedFrame]:
+        for one in material.described:
+            digests.append(one.digest)
+            yield one
+
+    descriptions = kept(noted(), material.cache, folder)
+    return Described(material.frames, material.positions, descriptions, dataset_fingerprint(material.frames, digests))
 
 
 def failed_row(job: Job, error: BaseException) -> dict[str, Any]:
@@ -197,7 +188,9 @@ def batch_silhouettes(described: Described, ks: list[int], seed: int) -> dict[in
         return found
     if fault := too_many(len(described.frames)):
         raise ConfigError(fault)
-    embedding = spectral_embedding(similarity_matrix(described.load("position"), "gaussian-median"), max(usable))
+    embedding = spectral_embedding(
+        similarity_matrix(described.descriptions.array("position"), "gaussian-median"), max(usable)
+    )
     for k in usable:
         labels = embedding.cluster(k, seed=seed)
         if len(np.unique(labels)) > 1:

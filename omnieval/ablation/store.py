@@ -8,7 +8,7 @@ ablation.parquet     all rows in the order of the grid, when all jobs have ended
 ablation.csv         the same, if asked for
 benchmark.md         the page, of the benchmark
 best/                the run folder of the best run, if asked for
-descriptors/         of all images, while it runs
+descriptors/         those that the cache cannot keep, while it runs
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import Any
 import polars as pl
 
 from omnieval.config import flattened
+from omnieval.descriptors.stored import OWN
 from omnieval.errors import ResultError
 from omnieval.results.atomic import replacing, write_json, write_table
 from omnieval.results.compare import differing
@@ -70,7 +71,7 @@ class Store:
         files = [TABLE, CSV, PAGE]
         if not resume:
             best = results_inside(self.folder, BEST, RUN, (*FILES, *report_inside(self.folder / BEST)))
-            files += [f"{_PARTS}/*.json", f"{_STEPS}/*.parquet", f"{_DESCRIPTORS}/*/*.npy", *best]
+            files += [f"{_PARTS}/*.json", f"{_STEPS}/*.parquet", f"{_DESCRIPTORS}/*/{OWN}*", *best]
         return ResultFolder(self.folder, KIND, content, files=files, overwrite=overwrite, resume=resume)
 
     def check(self, content: Mapping[str, Any]) -> None:
@@ -118,8 +119,8 @@ class Store:
         return self.make(_STEPS) / f"{job:05d}.parquet"
 
     def descriptors(self, number: int) -> Path:
-        """Create a folder for descriptors and return it."""
-        return self.make(f"{_DESCRIPTORS}/{number}")
+        """Return a folder for descriptors that the cache cannot keep; it need not exist."""
+        return self.folder / _DESCRIPTORS / str(number)
 
     def drop_descriptors(self) -> None:
         """Remove all descriptors: they are large, and come from the cache when the ablation is resumed."""

@@ -169,7 +169,7 @@ def _swept(of: Mapping[str, Job], traces: _Traces) -> Iterator[_Mapped]:
     keys = {id(one): key for key, one in settings.items()}
     sweep = Sweep(mapper, [Points(tuple(settings.values()))])
     before = time.perf_counter()
-    for taken in sweep.steps(traces.described.descriptions()):
+    for taken in sweep.steps(traces.described.descriptions):
         milliseconds = 1e3 * (time.perf_counter() - before) / len(taken)
         for points, step in taken:
             for one in points.settings:
@@ -187,7 +187,7 @@ def _alone(of: Mapping[str, Job], traces: _Traces) -> Iterator[_Mapped]:
         expect = getattr(mapper, "expect", None)
         online: list[int] = []
         started = time.perf_counter()
-        for block in blocks(traces.described.descriptions(), AHEAD):
+        for block in blocks(traces.described.descriptions, AHEAD):
             if expect:
                 expect(block)
             for description in block:
@@ -224,7 +224,7 @@ def _pieces(job: Job, described: Described) -> Iterator[dict[str, Any]]:
     mapper = job.config.mapper
     whole = Interval(mapper.typed_settings, name, first, float(np.nextafter(last, np.inf)))
     sweep = Sweep(mapper.cls, [whole])
-    for _ in sweep.steps(described.descriptions()):
+    for _ in sweep.steps(described.descriptions):
         pass
     judged = _Judge(described)
     for outcome, low, high in _joined(sweep.finish()):
@@ -269,7 +269,7 @@ class _Judge:
         key = final.labels.tobytes(), final.placements, final.representatives.tobytes(), online.tobytes(), seed
         if key not in self._known:
             images, ground = self._described, self._ground
-            orientation_values = math.prod(images.load("orientation").shape[1:])
+            descriptors = images.descriptions
             self._known[key] = evaluate(
                 final.labels,
                 final.placements,
@@ -277,7 +277,9 @@ class _Judge:
                 rooms=images.rooms,
                 seed=seed,
                 times=images.times,
-                making=Making.of_mapper(final, online, images.load("position"), orientation_values, ground),
+                making=Making.of_mapper(
+                    final, online, descriptors.array("position"), descriptors.orientation_values, ground
+                ),
                 ground=ground,
             )
         return self._known[key].metrics, time.perf_counter() - started

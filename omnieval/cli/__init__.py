@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import Any
 
 import typer
@@ -15,6 +15,7 @@ from typer.main import get_command
 from omnieval.cli import (
     ablate,
     baseline,
+    cache,
     check,
     compare,
     dataset,
@@ -65,6 +66,7 @@ app.command("check", rich_help_panel=JUDGE, short_help="Guard results against a 
 app.command("compare", rich_help_panel=COMPARE, short_help="Show runs in one table.")(compare.compare)
 app.command("diff", rich_help_panel=COMPARE, short_help="Show where two runs part, and why.")(diff.diff)
 app.add_typer(dataset.app, name="dataset", rich_help_panel=DATA)
+app.add_typer(cache.app, name="cache", rich_help_panel=DATA)
 app.command("describe", rich_help_panel=DATA, short_help="Write descriptors as a NumPy archive.")(describe.describe)
 app.command("export", rich_help_panel=DATA, short_help="Write a run for other programs.")(export.export)
 app.command("parameters", short_help="List every parameter.")(parameters.parameters)
@@ -113,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
-@cache
+@functools.cache
 def _parser() -> Callable[..., Any]:
     """Return what reads a command line and runs it; made once, because that takes longer than many a command runs."""
     return get_command(app)

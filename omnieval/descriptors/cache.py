@@ -1,40 +1,37 @@
 """Descriptions kept on disk, so that a second replay reads no image.
 
-One SQLite file. A description is found by the digest of the image's bytes and of all else that determines it, code
-included; the digest of a file that the file system calls unchanged (`file_state`) is not computed again. Every row
-carries a checksum, so that a damaged one is computed again and never used. The cache is a convenience: when it cannot
-be read or written, work goes on without it and `DescriptorCache.note` says why.
+A description is found by the digest of the image's bytes and of all else that determines it, code included; the digest
+of a file that the file system calls unchanged (`file_state`) is not computed again. Every description carries a
+checksum, so that a damaged one is computed again and never used. The cache is a convenience: when it cannot be written,
+what is there is read and work goes on; `DescriptorCache.note` says why.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import numpy as np
-
-from omnieval.datasets.cachedir import cache_dir
-from omnieval.descriptors.database import SpareDatabase
-from omnieval.descriptors.description import Description
+from omnieval.datasets.cachedir import cache_dir, description_folder, note_folder
+from omnieval.descriptors.description import DescribedFrame, Place
+from omnieval.descriptors.notes import Notes
+from omnieval.descriptors.shelf import Kept, Shelf
 from omnieval.imaging.glance import file_state
 from omnieval.source_code import digest_of, module_digest
 
-DATABASE = "descriptors-3.sqlite"
-"""Name of the file within the cache folder; the number is that of its tables."""
 _PANORAMA = ("omnieval.imaging.decode", "omnieval.imaging.unwrap", "omnieval.imaging.mask")
 """The modules that make a panorama of the bytes of an image."""
 _DISTURBED = ("omnieval.imaging.disturb", "omnieval.seeding")
 """Those that change its pixels before, if they are to be changed."""
-_TABLES = """
-CREATE TABLE IF NOT EXISTS files (path TEXT PRIMARY KEY, state TEXT, digest TEXT) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS descriptions (
-    digest TEXT, key TEXT, cells INTEGER, position BLOB, orientation BLOB, checksum BLOB, PRIMARY KEY (digest, key)
-);
-CREATE TABLE IF NOT EXISTS notes (key TEXT PRIMARY KEY, value TEXT, checksum BLOB) WITHOUT ROWID;
-"""
+_BATCH = 64
+"""Descriptions that are written at a time; a process that is killed loses no more."""
+_GROUPS = 64
+"""Into how many groups folders of images are divided, each with segments of its own."""
 
 
 def description_key(camera: dict[str, Any], descriptor: dict[str, Any], bits: int | None = None) -> str:
@@ -61,29 +58,30 @@ def image_digest(data: bytes) -> str:
 
 
 class DescriptorCache:
-    """The cache file, open; a context manager. Also a `Notebook` for what was seen of a camera.
+    """The cache folder, open; a context manager. Also a `Notebook` for what was seen of a camera. Threads may share it.
 
     Parameters
     ----------
-    path
-        The SQLite file; default `DATABASE` in the cache folder.
+    folder
+        The cache folder; default the one in use. It is made when there is something to keep.
 
     Attributes
     ----------
     hits, misses
-        How many lookups found a description and how many did not.
+        How many images had a description and how many did not.
+    note
+        Why nothing is kept any more; None while all is well.
     """
 
-    def __init__(self, path: Path | None = None) -> None:
-        self.path = path or cache_dir() / DATABASE
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = folder or cache_dir()
         self.hits = 0
         self.misses = 0
-        self._database = SpareDatabase(self.path, _TABLES)
-
-    @property
-    def note(self) -> str | None:
-        """Why there is no cache, or what was done about a damaged one; None while all is well."""
-        return f"descriptor cache: {self._database.note}" if self._database.note else None
+        self.note: str | None = None
+        self._shelves: dict[str, Shelf] = {}
+        self._notes = Notes(note_folder(self.folder))
+        self._pending = 0
+        self._lock = threading.RLock()
 
     def __enter__(self) -> Self:
         return self
@@ -93,88 +91,111 @@ class DescriptorCache:
     ) -> None:
         self.close()
 
-    def lookup(self, file: Path, key: str) -> tuple[str, Description] | None:
-        """Return the digest and description of an image file, None if they are not known (or not saved yet)."""
-        found = self._lookup(file, key)
-        if found is None:
-            self.misses += 1
-        else:
-            self.hits += 1
-        return found
-
-    def store(self, file: Path, state: str, key: str, digest: str, description: Description) -> None:
-        """Keep the description of an image file whose bytes have this digest.
-
-        `state` is the file's (`file_state`) before it was read: one that was replaced meanwhile is not found by it.
-        """
-        cells = len(description.orientation)
-        position = description.position.astype("<f4").tobytes()
-        orientation = description.orientation.astype("<f4").tobytes()
-        self._database.write(
-            "INSERT OR REPLACE INTO files VALUES (?, ?, ?)",
-            (_text(file), state, digest),
-        )
-        self._database.write(
-            "INSERT OR REPLACE INTO descriptions VALUES (?, ?, ?, ?, ?, ?)",
-            (digest, key, cells, position, orientation, _checksum(digest, key, cells, position, orientation)),
-        )
-
-    def recall(self, key: str) -> dict[str, Any] | None:
-        """See `omnieval.imaging.glance.Notebook`."""
-        row = self._database.find("SELECT value, checksum FROM notes WHERE key = ?", (key,))
-        if row is None or _checksum(key, row[0]) != row[1]:
-            return None
-        value: dict[str, Any] = json.loads(row[0])
-        return value
-
-    def remember(self, key: str, value: dict[str, Any]) -> None:
-        """See `omnieval.imaging.glance.Notebook`."""
-        text = json.dumps(value)
-        self._database.write("INSERT OR REPLACE INTO notes VALUES (?, ?, ?)", (key, text, _checksum(key, text)))
-
-    def save(self) -> None:
-        """Write what is pending."""
-        self._database.save()
-
-    def close(self) -> None:
-        """Write what is pending and close the file."""
-        self._database.close()
-
-    def _lookup(self, file: Path, key: str) -> tuple[str, Description] | None:
+    def lookup(self, file: Path, key: str) -> DescribedFrame | None:
+        """Return the description of an image file, which is not read; None if it is not known (or not saved yet)."""
         try:
             state = file_state(file)
         except OSError:
             return None  # whoever reads the image will say what is wrong with it
-        known = self._database.find(
-            "SELECT digest FROM files WHERE path = ? AND state = ?",
-            (_text(file), state),
-        )
-        if known is None:
-            return None
-        digest = known[0]
-        row = self._database.find(
-            "SELECT cells, position, orientation, checksum FROM descriptions WHERE digest = ? AND key = ?",
-            (digest, key),
-        )
-        if row is None or _checksum(digest, key, *row[:3]) != row[3]:
-            return None
-        cells, position, orientation, _ = row
-        return digest, Description(
-            np.frombuffer(position, "<f4").astype(np.float32),
-            np.frombuffer(orientation, "<f4").astype(np.float32).reshape(cells, -1),
-        )
+        with self._lock:
+            kept = self._shelf(key).of_file(_group(file), _state_digest(file, state))
+            self.hits += kept is not None
+        return _described(kept)
+
+    def find(self, digest: str, key: str) -> DescribedFrame | None:
+        """Return the description of the image whose bytes have this digest, whatever its file; None if not known."""
+        with self._lock:
+            kept = self._shelf(key).of_image(bytes.fromhex(digest))
+        return _described(kept)
+
+    def store(self, file: Path, state: str, key: str, described: DescribedFrame) -> DescribedFrame:
+        """Keep the description of an image file that `lookup` did not find, and return it with its place.
+
+        Parameters
+        ----------
+        file
+            The file.
+        state
+            The state (`file_state`) it had before it was read: one that was replaced meanwhile is not found by it.
+        key
+            See `description_key`.
+        described
+            The description. If it was found (`find`), only the file is noted.
+        """
+        with self._lock:
+            self.hits += described.place is not None
+            self.misses += described.place is None
+            if self.note is not None:
+                return described
+            shelf, image = self._shelf(key), bytes.fromhex(described.digest)
+            at = _group(file), _state_digest(file, state), image
+            if described.place is None:
+                described = replace(described, place=shelf.add(*at, described.description))
+            else:
+                shelf.link(*at, described.description)
+            self._pending += 1
+            if self._pending >= _BATCH:
+                self.save()
+        return described
+
+    def holds(self, place: Place) -> bool:
+        """Whether a description is on disk, and not only about to be written."""
+        return self._shelf(Path(place.segment).parent.name).holds(place)
+
+    def recall(self, key: str) -> dict[str, Any] | None:
+        """See `omnieval.imaging.glance.Notebook`."""
+        return self._notes.recall(key)
+
+    def remember(self, key: str, value: dict[str, Any]) -> None:
+        """See `omnieval.imaging.glance.Notebook`."""
+        self._write(lambda: self._notes.remember(key, value))
+
+    def save(self) -> None:
+        """Write what is pending."""
+        with self._lock:
+            self._pending = 0
+            for shelf in self._shelves.values():
+                self._write(shelf.flush)
+
+    def close(self) -> None:
+        """Write what is pending and close all files."""
+        with self._lock:
+            self.save()
+            for shelf in self._shelves.values():
+                shelf.close()
+
+    def _shelf(self, key: str) -> Shelf:
+        if key not in self._shelves:
+            self._shelves[key] = Shelf(description_folder(self.folder) / key)
+        return self._shelves[key]
+
+    def _write(self, writing: Callable[[], object]) -> None:
+        """Write, unless that has failed before."""
+        if self.note is not None:
+            return
+        try:
+            writing()
+        except OSError as error:
+            self.note = f"descriptor cache: nothing more is kept in {self.folder}: {error.strerror or error}"
 
 
-def _text(file: Path) -> str:
-    """Name a file in the database; file names need not be valid Unicode."""
-    return str(file.absolute()).encode("utf-8", "backslashreplace").decode()
+def _described(kept: Kept | None) -> DescribedFrame | None:
+    return None if kept is None else DescribedFrame(kept.description, kept.image.hex(), kept.place)
 
 
-def _checksum(*values: object) -> bytes:
-    """Return a checksum of a row, whatever types damage may have given its values."""
-    content = hashlib.blake2b(digest_size=8)
-    for value in values:
-        field = value if isinstance(value, bytes) else repr(value).encode("utf-8", "backslashreplace")
-        content.update(len(field).to_bytes(8, "little"))
-        content.update(field)
-    return content.digest()
+def _text(file: Path) -> bytes:
+    """Name a file; file names need not be valid Unicode."""
+    return str(file.absolute()).encode("utf-8", "backslashreplace")
+
+
+def _state_digest(file: Path, state: str) -> bytes:
+    return hashlib.blake2b(_text(file) + b"\0" + state.encode(), digest_size=16).digest()
+
+
+def _group(file: Path) -> str:
+    return _group_of(file.parent)
+
+
+@lru_cache(1024)
+def _group_of(folder: Path) -> str:
+    return f"{hashlib.blake2b(_text(folder), digest_size=1).digest()[0] % _GROUPS:02x}"

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from omnieval.components import Component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
-from omnieval.descriptors.description import BatchDescriptor, Description, Descriptor, MaskedDescriptor
+from omnieval.descriptors.description import (
+    BatchDescriptor,
+    DescribedFrame,
+    Description,
+    Descriptor,
+    MaskedDescriptor,
+)
 from omnieval.errors import ConfigError, OmnievalError
 from omnieval.imaging.camera import CameraModel
 from omnieval.imaging.decode import decode_colour, decode_grey
@@ -25,14 +31,6 @@ from omnieval.imaging.glance import file_state
 _WORKERS = 2
 _AHEAD = 16
 """Frames under way at once; bounds the memory."""
-
-
-@dataclass(frozen=True)
-class DescribedFrame:
-    """A description and the digest of what it was made from."""
-
-    description: Description
-    digest: str
 
 
 _New = tuple[str | None, DescribedFrame]
@@ -89,7 +87,7 @@ class Describer:
             coming = iter(frames)
             try:
                 while group := list(islice(coming, self._batch)):
-                    known = [self._known(frame) for frame in group]
+                    known = [self._cache.lookup(frame.path, self._key(frame.bits)) for frame in group]
                     new = [frame for frame, one in zip(group, known, strict=True) if one is None]
                     under_way.append(self._take(group, known, pool.submit(self._describe, new) if new else None))
                     if len(under_way) > ahead:
@@ -99,13 +97,9 @@ class Describer:
             finally:
                 pool.shutdown(cancel_futures=True)
 
-    def _known(self, frame: Frame) -> DescribedFrame | None:
-        found = self._cache.lookup(frame.path, self._key(frame.bits))
-        return DescribedFrame(found[1], found[0]) if found else None
-
     def _describe(self, frames: Sequence[Frame]) -> list[_New | OmnievalError]:
         """Describe frames together; in the place of one that cannot be read is the error."""
-        read: list[_Read | OmnievalError] = []
+        read: list[_Read | _New | OmnievalError] = []
         for frame in frames:
             try:
                 read.append(self._read(frame))
@@ -119,7 +113,8 @@ class Describer:
             for one in read
         ]
 
-    def _read(self, frame: Frame) -> _Read:
+    def _read(self, frame: Frame) -> _Read | _New:
+        """Return the panorama of an image or, where its bytes are known already, their description."""
         where = str(frame.path)
         try:
             state = file_state(frame.path)
@@ -127,6 +122,8 @@ class Describer:
             state = None  # whoever reads it says what is wrong
         data = frame.read()
         digest = image_digest(data)
+        if known := self._cache.find(digest, self._key(frame.bits)):
+            return state, known
         image = disturbed(self._decode(data, where, frame.bits), self._camera.disturbance, digest)
         return _Read(state, digest, self._camera.panorama(image, where=where))
 
@@ -157,7 +154,7 @@ class Describer:
         known: Sequence[DescribedFrame | None],
         new: Future[list[_New | OmnievalError]] | None,
     ) -> Iterator[DescribedFrame]:
-        """Yield the descriptions of frames; new ones are also kept. Only the caller's thread uses the cache."""
+        """Yield the descriptions of frames; new ones are also kept."""
         described = iter(new.result() if new else ())
         for frame, one in zip(frames, known, strict=True):
             if one is not None:
@@ -168,5 +165,5 @@ class Describer:
                 raise found
             state, result = found
             if state is not None:
-                self._cache.store(frame.path, state, self._key(frame.bits), result.digest, result.description)
+                result = self._cache.store(frame.path, state, self._key(frame.bits), result)
             yield result

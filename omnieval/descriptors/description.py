@@ -26,6 +26,23 @@ class Description:
     orientation: NDArray[np.float32]
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a description is kept in the array store: the path of its segment, without ending, and the row."""
+
+    segment: str
+    row: int
+
+
+@dataclass(frozen=True)
+class DescribedFrame:
+    """A description and the digest of what it was made from; its place, if it is kept or about to be."""
+
+    description: Description
+    digest: str
+    place: Place | None = None
+
+
 class Descriptor(Protocol):
     """Turns a panorama into a `Description`. Pure: the same panorama gives the same arrays, from any thread.
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import sqlite3
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from omnieval import doctor
-from omnieval.descriptors.cache import DATABASE, DescriptorCache
-from omnieval.descriptors.cache_state import cache_state
 from omnieval.doctor import SelfTest, examine, self_test
 from tests.cli.test_cli import in_process
-from tests.trust.inputs import flip, half, listing, one_line
+from tests.trust.inputs import listing, one_line
 
 
 @pytest.fixture
@@ -93,42 +90,11 @@ def test_the_self_test_passes_and_leaves_nothing(monkeypatch, tmp_path):
     assert list(listing(tmp_path)) == ["tmp"]
 
 
-class TestCache:
-    def test_a_cache_that_is_not_there_yet(self, tmp_path):
-        state = cache_state(tmp_path / "none")
-        assert (state.writable, state.bytes, state.descriptions, state.integrity) == (True, 0, 0, "empty")
-        assert list(tmp_path.iterdir()) == []
-
-    def test_a_sound_cache_is_counted(self, tmp_path):
-        with DescriptorCache(tmp_path / DATABASE) as cache:
-            cache.remember("key", {"value": 1})
-        state = cache_state(tmp_path)
-        assert (state.descriptions, state.integrity) == (0, "ok")
-        assert state.bytes == sum(size for size, _ in listing(tmp_path).values())
-        assert (state.streams, state.stream_bytes) == (0, 0)
-
-    def test_what_was_taken_from_videos_and_bags_is_counted(self, tmp_path):
-        for name in ("one", "two"):
-            (tmp_path / "streams" / name).mkdir(parents=True)
-            (tmp_path / "streams" / name / "frame000000.png").write_bytes(b"image")
-        state = cache_state(tmp_path)
-        assert (state.streams, state.stream_bytes) == (2, 10)
-
-    @pytest.mark.parametrize("spoil", [half, lambda path: flip(path, 30), lambda path: path.write_bytes(b"x" * 9999)])
-    def test_damage_is_told_and_not_touched(self, spoil, tmp_path):
-        with sqlite3.connect(tmp_path / DATABASE) as database:
-            database.execute("CREATE TABLE descriptions (digest TEXT)")
-            database.executemany("INSERT INTO descriptions VALUES (?)", [("x" * 500,)] * 100)
-        database.close()
-        spoil(tmp_path / DATABASE)
-        before = listing(tmp_path)
-        state = cache_state(tmp_path)
-        assert state.integrity not in {"ok", "empty"}
-        assert listing(tmp_path) == before
-
-    def test_a_file_in_its_place_cannot_be_written(self, tmp_path):
-        (tmp_path / "cache").write_text("in the way")
-        assert not cache_state(tmp_path / "cache").writable
+def test_the_cache_is_told(monkeypatch, tmp_path):
+    monkeypatch.setenv("OMNIEVAL_CACHE", str(tmp_path / "none"))
+    told = examine().cache
+    assert (told["writable"], told["descriptions"], told["integrity"]) == ("yes", "0", "empty")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a script stands in for the viewer")

@@ -11,8 +11,8 @@ import pytest
 from omnieval.components import resolve_component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, image_digest
-from omnieval.descriptors.describe import DescribedFrame, Describer
-from omnieval.descriptors.description import Description
+from omnieval.descriptors.describe import Describer
+from omnieval.descriptors.description import DescribedFrame, Description
 from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.camera import CameraModel
@@ -49,7 +49,7 @@ def read(monkeypatch):
 
 
 def test_descriptions_come_in_order_and_are_those_of_the_images(tmp_path, frames):
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         described = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
     for frame, one in zip(frames, described, strict=True):
         expected = HOG.make().describe(decode_grey(frame.read(), frame.file))
@@ -59,11 +59,11 @@ def test_descriptions_come_in_order_and_are_those_of_the_images(tmp_path, frames
 
 
 def test_the_second_time_no_image_is_read(tmp_path, frames, read):
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         first = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
     assert sorted(read) == [frame.file for frame in frames]
     read.clear()
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         second = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
         assert (cache.hits, cache.misses) == (40, 0)
     assert read == []
@@ -76,7 +76,7 @@ def test_other_settings_do_not_find_each_others_descriptions(tmp_path, frames, r
     flatter = CameraModel("panoramic", None, 16, 64, "", (64, 32))
     others = [(CAMERA, resolve_component("descriptor", Hog(HogSettings(orientation_cells=32, bins=8)))), (flatter, HOG)]
     for camera, descriptor in [(CAMERA, HOG), *others]:
-        with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        with DescriptorCache(tmp_path / "c") as cache:
             list(Describer(camera, descriptor, cache).describe_frames(frames[:5]))
             assert cache.hits == 0
     assert len(read) == 15
@@ -84,18 +84,18 @@ def test_other_settings_do_not_find_each_others_descriptions(tmp_path, frames, r
 
 def test_a_bad_image_is_reported_when_it_is_its_turn(tmp_path, frames):
     frames[7].path.write_bytes(b"no image")
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         describing = Describer(CAMERA, HOG, cache).describe_frames(frames)
         assert len(list(itertools.islice(describing, 7))) == 7
         with pytest.raises(DatasetError, match=r"07\.png"):
             next(describing)
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         assert len(list(Describer(CAMERA, HOG, cache).describe_frames(frames[:7]))) == 7
         assert cache.hits == 7
 
 
 def test_only_a_few_frames_are_read_ahead(tmp_path, frames, read):
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         describing = Describer(CAMERA, HOG, cache).describe_frames(frames)
         assert len(list(itertools.islice(describing, 2))) == 2
         describing.close()
@@ -105,7 +105,7 @@ def test_only_a_few_frames_are_read_ahead(tmp_path, frames, read):
 def test_an_omnidirectional_image_of_another_size_is_named(tmp_path, frames):
     camera = CameraModel("panoramic", None, 32, 64, "", size=(640, 480))
     with (
-        DescriptorCache(tmp_path / "c.sqlite") as cache,
+        DescriptorCache(tmp_path / "c") as cache,
         pytest.raises(DatasetError, match=r"00\.png is 64 x 32 pixels, the first one 640 x 480"),
     ):
         next(Describer(camera, HOG, cache).describe_frames(frames))
@@ -125,7 +125,7 @@ class Own:
 
 def describe_all(tmp_path, frames, chosen):
     """Return the second number of every description, and how many the cache knew."""
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         component = resolve_component("descriptor", chosen)
         described = list(Describer(CAMERA, component, cache).describe_frames(frames))
         return {float(one.description.position[1]) for one in described}, cache.hits
@@ -155,14 +155,14 @@ def test_two_descriptors_of_one_name_do_not_find_each_others_descriptions(tmp_pa
 
 
 def test_images_replaced_with_the_same_size_and_time_are_described_anew(tmp_path, frames):
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         before = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
     for frame in frames:
         status = frame.path.stat()
         cv2.imwrite(str(frame.path), 255 - decode_grey(frame.read(), frame.file), STORED)
         assert frame.path.stat().st_size == status.st_size
         os.utime(frame.path, ns=(status.st_atime_ns, status.st_mtime_ns))
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         after = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
         assert cache.hits == 0
     assert all(one.digest != other.digest for one, other in zip(before, after, strict=True))
@@ -178,7 +178,7 @@ def test_an_image_that_is_replaced_while_it_is_described_is_not_taken_for_the_on
     replacing = resolve_component("descriptor", Replacing())
     found: list[DescribedFrame] = []
     for _ in range(2):
-        with DescriptorCache(tmp_path / "c.sqlite") as cache:
+        with DescriptorCache(tmp_path / "c") as cache:
             found += Describer(CAMERA, replacing, cache).describe_frames(frames[:1])
             assert cache.hits == 0
     assert found[0].digest != found[1].digest
@@ -269,7 +269,37 @@ def test_what_a_descriptor_of_ones_own_raises_is_told_with_the_image(tmp_path, f
             raise ValueError("no\nsuch")
 
     with (
-        DescriptorCache(tmp_path / "c.sqlite") as cache,
+        DescriptorCache(tmp_path / "c") as cache,
         pytest.raises(ConfigError, match=r"the descriptor broken failed on image .*00\.png: ValueError: no such"),
     ):
         next(Describer(CAMERA, resolve_component("descriptor", Broken()), cache).describe_frames(frames))
+
+
+def test_images_under_other_names_are_described_once_and_then_not_even_read(tmp_path, frames, read):
+    """As when a sequence was moved, or two have images in common."""
+    with DescriptorCache(tmp_path / "c") as cache:
+        first = list(Describer(CAMERA, HOG, cache).describe_frames(frames))
+    folder = tmp_path / "moved"
+    folder.mkdir()
+    moved = [Frame(folder / f"x{frame.file}", frame.file) for frame in frames]
+    for old, new in zip(frames, moved, strict=True):
+        new.path.write_bytes(old.path.read_bytes())
+    read.clear()
+    for times_read in (40, 0):
+        with DescriptorCache(tmp_path / "c") as cache:
+            again = list(Describer(CAMERA, HOG, cache).describe_frames(moved))
+            assert (cache.hits, cache.misses, len(read)) == (40, 0, times_read)
+        read.clear()
+        assert all(
+            np.array_equal(a.description.position, b.description.position) for a, b in zip(first, again, strict=True)
+        )
+
+
+@pytest.mark.parametrize("cut", [slice(7, None), slice(None, None, 3), slice(30, None, -1)])
+def test_a_sequence_that_is_cut_differently_is_known(tmp_path, frames, read, cut):
+    with DescriptorCache(tmp_path / "c") as cache:
+        list(Describer(CAMERA, HOG, cache).describe_frames(frames))
+    read.clear()
+    with DescriptorCache(tmp_path / "c") as cache:
+        list(Describer(CAMERA, HOG, cache).describe_frames(frames[cut]))
+        assert (cache.misses, read) == (0, [])

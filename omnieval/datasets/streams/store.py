@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from omnieval.datasets.cachedir import cache_dir, stream_folder
+from omnieval.datasets.cachedir import cache_dir, hold_for_good, stream_folder
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.datasets.source import Address
@@ -141,7 +141,9 @@ def _pose(numbers: list[float | None] | None) -> Pose | None:
 
 
 def _read(folder: Path) -> Contents | None:
-    """Return what a folder holds; None if it is not there, or not whole any more."""
+    """Return what a folder holds; None if it is not there, or not whole any more. It stays as long as this process."""
+    if not hold_for_good(folder / INDEX):
+        return None
     try:
         index = json.loads((folder / INDEX).read_text("utf-8"))
         there = {path.name for path in folder.iterdir()}

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-from omnieval.datasets.cachedir import cache_dir
+from omnieval.datasets.cachedir import cache_dir, hold_for_good, synthetic_folder
 from omnieval.datasets.synthetic.facts import HIGHEST_BUILDING, LIGHTS, RENDERER_VERSION, Rendered
 from omnieval.errors import DatasetError
 
@@ -90,19 +90,22 @@ def _refuse_nonsense(light: str, building: int, frames: int | None, seed: int, w
 def cached(light: str, building: int = 1) -> Path:
     """Return the default sequence in `light` from the cache folder, rendering it first if it is not there.
 
+    It stays there as long as this process.
+
     Raises
     ------
     DatasetError
         If light or building is unknown or the cache folder cannot be written.
     """
-    folder = cache_dir() / "synthetic" / "-".join((f"v{RENDERER_VERSION}", *Rendered(light, building).words))
-    if not folder.is_dir():
+    folder = synthetic_folder(cache_dir()) / "-".join((f"v{RENDERER_VERSION}", *Rendered(light, building).words))
+    if not hold_for_good(folder / OUTLINES):
         try:
             synthesize(folder, light=light, building=building)
         except DatasetError:
             # Another process may have finished the same sequence meanwhile; both have the same bytes.
             if not folder.is_dir():
                 raise
+        hold_for_good(folder / OUTLINES)
     return folder
 
 
