@@ -200,7 +200,7 @@ def test_a_descriptor_that_asks_for_colour_is_given_colour_where_a_mask_is_fille
             given.append(panorama)
             return Description(np.ones(1, np.float32), np.ones((1, 1), np.float32))
 
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         for camera in (CAMERA, masked):
             next(Describer(camera, resolve_component("descriptor", Sees()), cache).describe_frames([frame]))
     assert np.array_equal(given[0], image)
@@ -229,9 +229,9 @@ class Batched:
 def test_panoramas_are_described_several_at_once_by_a_descriptor_that_can(tmp_path, frames):
     given: list[int] = []
     batched = resolve_component("descriptor", Batched(given))
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         list(Describer(CAMERA, batched, cache).describe_frames(frames[4:5]))
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         described = list(Describer(CAMERA, batched, cache).describe_frames(frames[:11]))
     assert sorted(given) == [1, 2, 2, 3, 3], "one was known already"
     means = [decode_grey(frame.read(), frame.file).mean(dtype=np.float64) for frame in frames[:11]]
@@ -242,7 +242,7 @@ def test_panoramas_are_described_several_at_once_by_a_descriptor_that_can(tmp_pa
 def test_a_bad_image_of_a_batch_is_reported_when_it_is_its_turn_and_the_others_are_described(tmp_path, frames):
     frames[4].path.write_bytes(b"no image")
     batched = resolve_component("descriptor", Batched([]))
-    with DescriptorCache(tmp_path / "c.sqlite") as cache:
+    with DescriptorCache(tmp_path / "c") as cache:
         describing = Describer(CAMERA, batched, cache).describe_frames(frames)
         assert len(list(itertools.islice(describing, 4))) == 4
         with pytest.raises(DatasetError, match=r"04\.png"):
@@ -255,7 +255,7 @@ def test_too_few_descriptions_of_a_batch_are_told_with_the_images(tmp_path, fram
             return super().describe_batch(panoramas)[1:]
 
     with (
-        DescriptorCache(tmp_path / "c.sqlite") as cache,
+        DescriptorCache(tmp_path / "c") as cache,
         pytest.raises(
             ConfigError, match=r"loses made 2 descriptions of 3 panoramas, from image .*00\.png to .*02\.png"
         ),
