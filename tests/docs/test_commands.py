@@ -19,6 +19,11 @@ pytestmark = pytest.mark.slow
 
 NOT_RUN = {
     "python3 -m venv .venv": "makes a virtual environment from the network; CI runs it",
+    "pip install": "installs from the network; CI does",
+    "python docs/examples/efficientnet_lite0.py": "needs the network; tests/docs/test_efficientnet.py has it",
+    "python -m tests.benchmarks.panoramas": "needs pairs of panoramas; a measurement, not a test",
+    "omnieval replay --descriptor onnx:": "needs the network's file; tests/descriptors/test_network.py has it",
+    "torch.onnx.export": "needs torch, and weights of others: marked as not run",
     "omnieval replay --spawn": "opens a window; tests/recording/test_view.py has it",
     "omnieval replay --connect": "needs a viewer that listens; tests/recording/test_view.py has it",
     "omnieval view --web": "serves until Ctrl-C; tests/cli/test_view.py has it",
