@@ -15,7 +15,7 @@ import pytest
 
 from omnieval.descriptors.network import Network, load_card
 from omnieval.testing import check_descriptor
-from tests.docs.pages import ROOT
+from tests.docs.pages import ROOT, blocks
 
 SCRIPT = ROOT / "docs" / "examples" / "efficientnet_lite0.py"
 STRIDES = [1, 2, 1, 2, 1, 2, 1, 1, 1, 1, 1, 2, 1, 1, 1, 1]
@@ -114,6 +114,16 @@ def test_its_features_roll_with_the_panorama_to_the_bit_and_it_keeps_the_contrac
     (tmp_path / "small.toml").write_text(example["CARD"], "utf-8")
     assert load_card(tmp_path / "small.toml").licence == "Apache-2.0"
     check_descriptor(Network(tmp_path / "small.onnx"))
+
+
+@pytest.mark.parametrize("page", ["networks.md", "method.md"])
+def test_the_cards_on_the_pages_are_cards(page, tmp_path):
+    cards = [block for block in blocks(ROOT / "docs" / page, "toml") if "output =" in block.text]
+    assert cards
+    for number, block in enumerate(cards):
+        file = tmp_path / f"{number}.toml"
+        file.write_text(block.text, "utf-8")
+        assert load_card(file).rows > 0, block.where
 
 
 def test_weights_of_another_network_are_refused(example, state):
