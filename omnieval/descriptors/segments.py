@@ -101,12 +101,17 @@ class Segment:
         Of its files, without ending.
     key
         Of the folder it is in; see `checksum`.
+
+    Attributes
+    ----------
+    shape
+        Of the descriptions; None before `news`, and if the index does not tell.
     """
 
     def __init__(self, path: Path, key: str) -> None:
         self.path = path
         self._key = key
-        self._shape: Shape | None = None
+        self.shape: Shape | None = None
         self._read = 0
         self._streams: tuple[FileIO, FileIO] | None = None
 
@@ -114,6 +119,11 @@ class Segment:
     def is_open(self) -> bool:
         """Whether it keeps files open."""
         return self._streams is not None
+
+    @property
+    def exists(self) -> bool:
+        """Whether its files are there."""
+        return file_of(self.path, INDEX).exists()
 
     def news(self) -> list[Entry]:
         """Return the entries that were added since this was last asked; none if it cannot be read."""
@@ -127,8 +137,8 @@ class Segment:
         except OSError:  # removed since it was listed
             return []
         if self._read == 0:
-            self._shape = Shape.read(data[:_HEADER])
-            if self._shape is None:
+            self.shape = Shape.read(data[:_HEADER])
+            if self.shape is None:
                 return []
             data, self._read = data[_HEADER:], _HEADER
         whole = len(data) - len(data) % _ENTRY.size
@@ -137,22 +147,22 @@ class Segment:
 
     def description(self, entry: Entry) -> Description | None:
         """Return the description of an entry; None if it cannot be read, or is not what was written."""
-        assert self._shape is not None
+        assert self.shape is not None
         try:
             values = [
                 _read_at(stream, entry.row * size, size)
-                for stream, size in zip(self._open(), self._shape.row_bytes, strict=True)
+                for stream, size in zip(self._open(), self.shape.row_bytes, strict=True)
             ]
         except (OSError, OverflowError):
             return None
         if not self.vouches(entry, *values):
             return None
         position, orientation = (np.frombuffer(one, "<f4").astype(np.float32) for one in values)
-        return Description(position, orientation.reshape(self._shape.cells, self._shape.bins))
+        return Description(position, orientation.reshape(self.shape.cells, self.shape.bins))
 
     def vouches(self, entry: Entry, *values: bytes) -> bool:
         """Whether an entry, and the values of its row, are what was written."""
-        shape = self._shape
+        shape = self.shape
         return shape is not None and checksum(self._key, shape, *entry[:3], *values) == entry.check
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from omnieval.descriptors.description import Description, Place
+from omnieval.descriptors.merging import merge
 from omnieval.descriptors.segments import INDEX, LINK, Entry, Filler, Segment, Shape
 
 _MOST_OPEN = 32
@@ -47,19 +48,15 @@ class Shelf:
         """Return what is kept for a file, given by what tells it and its state; None if there is nothing, or damage."""
         self._learn(group)
         found = self._files.get(file)
-        if found is None:
-            return None
-        segment, entry = found
-        if entry.row != LINK:
-            return self._kept(segment, entry)
-        return self.of_image(entry.image) if segment.vouches(entry) else None
+        if found is not None and found[1].row == LINK:
+            return self.of_image(found[1].image) if found[0].vouches(found[1]) else None
+        return self._read(self._files, file)
 
     def of_image(self, image: bytes) -> Kept | None:
         """Return what is kept for an image, given by the digest of its bytes; None if there is nothing, or damage."""
         if image not in self._images:
             self._learn(None)
-        found = self._images.get(image)
-        return None if found is None else self._kept(*found)
+        return self._read(self._images, image)
 
     def add(self, group: str, file: bytes, image: bytes, description: Description) -> Place | None:
         """Have a description kept with the next `flush` and return where; None if it cannot be."""
@@ -88,18 +85,31 @@ class Shelf:
         return own is None or place.row < own.kept
 
     def close(self) -> None:
-        """Close all files; what is pending is not written."""
+        """Close all files, and merge small segments if there are many; what is pending is not written."""
         for filler in self._fillers.values():
             filler.close()
         for segment in self._segments.values():
             segment.close()
+        for group in {group for group, _ in self._fillers}:
+            merge(self._folder / _new_name(group), [name for name in self._listed() if _group_of(name) == group])
 
     def _filler(self, group: str, shape: Shape) -> Filler:
         known = self._fillers.get((group, shape))
         if known is None:
-            name = f"{group}-{time.time_ns():016x}-{secrets.token_hex(4)}"
-            known = self._fillers[group, shape] = Filler(self._folder / name, self._folder.name, shape)
+            known = Filler(self._folder / _new_name(group), self._folder.name, shape)
+            self._fillers[group, shape] = known
         return known
+
+    def _read(self, known: dict[bytes, tuple[Segment, Entry]], sought: bytes) -> Kept | None:
+        if sought not in known:
+            return None
+        kept = self._kept(*known[sought])
+        gone = known[sought][0]
+        if kept is None and gone.path.name in self._segments and not gone.exists:  # merged with others, or removed
+            del self._segments[gone.path.name]
+            self._refresh()
+            kept = self._kept(*known[sought])
+        return kept
 
     def _kept(self, segment: Segment, entry: Entry) -> Kept | None:
         if not segment.is_open and sum(one.is_open for one in self._segments.values()) >= _MOST_OPEN:
@@ -110,16 +120,17 @@ class Shelf:
 
     def _learn(self, group: str | None) -> None:
         """Read the indices of a group, or all of them, as far as they are not known."""
-        new = self._groups is not None and (group is None or group not in self._groups)
-        if not new and not self._stale:
-            return
-        if self._groups is not None and group is not None:
-            self._groups.add(group)
-        elif group is None:
-            self._groups = None
+        if self._groups is not None and group not in self._groups:
+            self._groups = None if group is None else {*self._groups, group}
+            self._refresh()
+        elif self._stale:
+            self._refresh()
+
+    def _refresh(self) -> None:
+        """Read what is new in the indices of the groups that are known."""
         self._stale = False
         for name in self._listed():
-            if self._groups is None or name.partition("-")[0] in self._groups:
+            if self._groups is None or _group_of(name) in self._groups:
                 segment = self._segments.setdefault(name, Segment(self._folder / name, self._folder.name))
                 self._take(segment, segment.news())
 
@@ -133,3 +144,11 @@ class Shelf:
         except OSError:  # there is none yet, or it cannot be read: then nothing is known
             return []
         return sorted(name.removesuffix(INDEX) for name in names if name.endswith(INDEX))
+
+
+def _new_name(group: str) -> str:
+    return f"{group}-{time.time_ns():016x}-{secrets.token_hex(4)}"
+
+
+def _group_of(name: str) -> str:
+    return name.partition("-")[0]

@@ -11,8 +11,10 @@ import pytest
 
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import DescribedFrame, Description
+from omnieval.descriptors.merging import MANY
 from omnieval.descriptors.segments import INDEX, ORIENTATION, POSITION, Filler, Shape
 from omnieval.imaging.glance import file_state
+from tests.faults.disk import FAULTS, every_fault
 
 CAMERA = {"kind": "panoramic"}
 KEY = description_key(CAMERA, {"name": "a"})
@@ -316,6 +318,84 @@ def test_what_failed_half_way_is_written_again_at_its_place(tmp_path, monkeypatc
     expected.close()
     for ending in (POSITION, ORIENTATION, INDEX):
         assert (tmp_path / f"00-a{ending}").read_bytes() == (tmp_path / f"00-b{ending}").read_bytes()
+
+
+@pytest.mark.parametrize(("code", "lasting"), FAULTS)
+def test_whatever_fails_on_the_disk_what_is_found_is_right_and_what_was_saved_is_found(tmp_path, code, lasting):
+    files = [tmp_path / f"{number}.png" for number in range(3)]
+    for number, file in enumerate(files):
+        file.write_bytes(b"%d" % number)
+    tried = 0
+    for tried, disk in enumerate(every_fault(tmp_path, code, lasting=lasting), start=1):
+        folder = tmp_path / f"c{tried}"
+        saved = 0
+        with disk.mounted(), DescriptorCache(folder) as cache:
+            for number, file in enumerate(files):
+                keep(cache, file, number)
+                cache.save()
+                saved += cache.note is None
+            cache.remember("size", {"width": 640})
+            assert (cache.note is not None) == disk.failed
+        assert saved == 3 or disk.failed
+        with DescriptorCache(folder) as cache:
+            for number, file in enumerate(files):
+                known = cache.lookup(file, KEY)
+                assert known is not None or number >= saved
+                assert known is None or same(known.description, a_description(number))
+            assert cache.recall("size") in ({"width": 640}, None)
+    assert tried > 12
+
+
+def grown(folder, tmp_path, count):
+    """A store that was filled by as many processes, an image each."""
+    files = []
+    for number in range(count):
+        files.append(tmp_path / f"{number}.png")
+        files[-1].write_bytes(b"%d" % number)
+        stored(folder, files[-1], seed=number)
+    return files
+
+
+def segments(folder):
+    return len(list(folder.rglob(f"*{INDEX}")))
+
+
+def test_many_small_segments_become_one_and_nothing_is_lost(tmp_path):
+    folder = tmp_path / "c"
+    files = grown(folder, tmp_path, MANY - 1)
+    assert segments(folder) == MANY - 1
+    copy = tmp_path / "copy.png"
+    copy.write_bytes(b"3")
+    with DescriptorCache(folder) as reader:  # has read the indices, and of segments only the first
+        assert reader.lookup(files[0], KEY) is not None
+        with DescriptorCache(folder) as cache:
+            known = cache.find(image_digest(b"3"), KEY)
+            assert known is not None
+            cache.store(copy, file_state(copy), KEY, known)
+        assert segments(folder) == 2
+        for number, file in enumerate(files):
+            known = reader.lookup(file, KEY)
+            assert known is not None
+            assert same(known.description, a_description(number))
+    for number, file in (*enumerate(files), (3, copy)):
+        assert same(found(folder, file).description, a_description(number))
+    assert sum(file.stat().st_size for file in folder.rglob(f"*{POSITION}")) == (MANY - 1) * 24
+
+
+def test_what_is_damaged_or_of_another_shape_is_not_mixed_up_by_merging(tmp_path):
+    folder = tmp_path / "c"
+    files = grown(folder, tmp_path, MANY - 2)
+    damaged = sorted(folder.rglob(f"*{POSITION}"))[5]
+    damaged.write_bytes(bytes(24))
+    longer = Description(np.arange(7, dtype=np.float32), np.ones((1, 1), np.float32))
+    other = tmp_path / "other.png"
+    other.write_bytes(b"other")
+    with DescriptorCache(folder) as cache:
+        cache.store(other, file_state(other), KEY, DescribedFrame(longer, image_digest(b"other")))
+    stored(folder, files[0], seed=0)
+    assert segments(folder) == 2
+    assert [number for number, file in enumerate(files) if found(folder, file) is None] == [5]
+    assert same(found(folder, other).description, longer)
 
 
 FILL = """
