@@ -4,32 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
 
 from omnieval.ablation.store import KIND as ABLATION
 from omnieval.ablation.store import TABLE, Store, rows_table
 from omnieval.errors import ResultError
+from omnieval.localization.intervals import intervals_of_answers
 from omnieval.localization.measures import METRICS as FINDING
 from omnieval.localization.run import KIND as LOCALIZATION
 from omnieval.localization.run import Localization, open_localization
-from omnieval.mapping.step import Role
 from omnieval.metrics.catalogue import METRICS, UPKEEP
-from omnieval.metrics.ground import Clock
-from omnieval.metrics.resampled import resampled_metrics
 from omnieval.results.compare import determining
+from omnieval.results.intervals import intervals_of_run
 from omnieval.results.manifest import kind_of, read_manifest
 from omnieval.results.run_folder import Run, open_run
-from omnieval.statistics.blocks import Blocks, Statistic, block_estimate, mean_of
 from omnieval.statistics.estimate import Estimate
 
 _RESULTS = frozenset((*METRICS, *UPKEEP, *FINDING, "batch_silhouette", "smallest_margin", "seconds"))
-_SAME = 1e-9
-"""By how much a metric that is computed again may differ."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +131,7 @@ def _of_run(run: Run) -> Record:
         case=(manifest["source"], cut["start"], cut["stride"], cut["limit"]),
         metrics=metrics if finished else {},
         finished=finished,
-        within=_Within(partial(_statistics_of_run, run), run.metrics),
+        within=intervals_of_run(run),
     )
 
 
@@ -161,70 +155,5 @@ def _localizations(found: Localization) -> Iterator[Record]:
                 case=(query["source"], *query["cut"].values(), of_map["sequence"]),
                 metrics=metrics or {},
                 finished=metrics is not None,
-                within=_Within(partial(_statistics_of_answers, found, sequence, strategy), metrics or {}),
+                within=intervals_of_answers(found, sequence, strategy),
             )
-
-
-class _Within:
-    """The intervals of the metrics of one run, computed when they are asked for."""
-
-    def __init__(
-        self,
-        statistics: Callable[[], tuple[Blocks, Mapping[str, Statistic]]],
-        metrics: Mapping[str, float | int | None],
-    ) -> None:
-        self._load = statistics
-        self._metrics = metrics
-        self._loaded: tuple[Blocks, Mapping[str, Statistic]] | None = None
-
-    def __call__(self, metric: str) -> Estimate | None:
-        value = self._metrics.get(metric)
-        if value is None:
-            return None
-        if self._loaded is None:
-            self._loaded = self._load()
-        blocks, statistics = self._loaded
-        if metric not in statistics:
-            return None
-        found = block_estimate(blocks, statistics[metric])
-        # What is computed again must be what the run says, or the interval is of something else.
-        return found if found.value is not None and abs(found.value - value) <= _SAME else None
-
-
-def _statistics_of_run(run: Run) -> tuple[Blocks, Mapping[str, Statistic]]:
-    steps, nodes = run.steps, run.nodes
-    times = steps["time"].cast(pl.Int64).to_list()
-    clock = Clock.of(times, len(steps))
-    positions = steps.select(pl.col("x", "y").fill_null(float("nan"))).to_numpy().astype(np.float64)
-    statistics = resampled_metrics(
-        steps["node_final"].fill_null(0).cast(pl.Int64).to_numpy(),
-        steps["placement"].cast(pl.String).to_list(),
-        positions,
-        times,
-        steps["room"].to_list(),
-        nodes["representative_frame"].drop_nulls().to_list(),
-    )
-    return Blocks.of(clock.stamps, clock.second), statistics
-
-
-def _statistics_of_answers(found: Localization, sequence: str, strategy: str) -> tuple[Blocks, Mapping[str, Statistic]]:
-    answers = found.table.filter(sequence=sequence, strategy=strategy)
-    within = found.manifest["within"]
-    located = pl.col("role") != Role.REFUSED.value
-    posed = pl.col("reachable").is_not_null()
-    both_rooms = pl.col("room").is_not_null() & pl.col("best_room").is_not_null()
-    in_node = pl.col("node").is_not_null()
-    near = (pl.col("error") <= within).fill_null(value=False)
-    values = {
-        "error_mean": pl.col("error"),
-        "reachable_mean": pl.when(pl.col("error").is_not_null()).then(pl.col("reachable")),
-        "recall@1": pl.when(posed).then(located & near),
-        "recall@5": pl.when(posed).then(located & (pl.col("rank") <= 5).fill_null(value=False)),
-        "recall_nearest@1": pl.when(posed).then(located & (pl.col("nearest_rank") <= 1).fill_null(value=False)),
-        "room_accuracy": pl.when(located & both_rooms).then(pl.col("room") == pl.col("best_room")),
-        "node_accuracy": pl.when(posed & located & in_node).then(pl.col("node_right").fill_null(value=False)),
-    }
-    table = answers.select(**{name: one.cast(pl.Float64).fill_null(float("nan")) for name, one in values.items()})
-    clock = Clock.of(answers["time"].cast(pl.Int64).to_list(), len(answers))
-    statistics = {name: mean_of(table[name].to_numpy()) for name in table.columns}
-    return Blocks.of(clock.stamps, clock.second), statistics

@@ -163,6 +163,19 @@ class Geodesic(BranchingMapper):
         role, verdict = (Role.REFUSED, "new node") if events else (Role.JOINED, "keyframe")
         return self._step(frame, verdict, role, events, journal, None, measured, self._curves())
 
+    def look(self, frame: int) -> Step:
+        """Find an image by its nearest keyframe, then the most similar image of that keyframe's node; never refuses.
+
+        One image alone says too little to refuse it: a belief needs a run of them. See `BranchingMapper.look`.
+        """
+        keyframe = int(self._distances(self.images.compare_selected(frame, self._keyframes)).argmin())
+        node = self._node_of[keyframe]
+        members = np.flatnonzero(np.array(self._labels) == node)
+        compared = self.images.compare(frame, members)
+        best = int(self._distances(compared).argmin())
+        match = Match(int(members[best]), node, int(compared.shifts[best]))
+        return Step(frame, "most similar", Role.JOINED, node, match)
+
     def finish(self, placed: Mapping[int, tuple[int, Placement]] | None = None) -> FinalMap:
         """See `Mapper.finish`."""
         labels = np.array(self._labels, np.int64)

@@ -142,3 +142,21 @@ def test_what_is_recognised_says_so_in_comparisons() -> None:
 
 def test_it_keeps_the_contract() -> None:
     check_mapper(Geodesic, circuit(1.5))
+
+
+def test_an_image_is_found_at_its_place_of_the_map_which_stays_as_it_is() -> None:
+    mapper, seen = Geodesic(), circuit(1.5)
+    for description in seen:
+        mapper.step(description)
+    before = mapper.finish()
+    for offset, description in enumerate(circuit(0.5, offset=1.0, seed=1)):  # as far along as the image found
+        step = mapper.locate(description)
+        assert step is not None
+        assert step.match is not None
+        expected = offset + 120 / (2 * np.pi)
+        assert min(abs(step.match.frame % 120 - expected), 120 - abs(step.match.frame % 120 - expected)) <= 4
+        assert step.node == step.match.node == before.labels[step.match.frame]
+        assert not step.events
+    after = mapper.finish()
+    assert after.labels.tolist() == before.labels.tolist()
+    assert (after.representatives == before.representatives).all()
