@@ -21,6 +21,9 @@ from omnieval.regression.junit import write_junit
 from omnieval.regression.reference import Case, Guard, NodeRange, read_localizations, read_reference, write_reference
 from omnieval.regression.trace import DECISION, first_parting, read_trace, write_trace
 from omnieval.regression.update import change_lines, update
+from omnieval.results.intervals import intervals_of_run
+from omnieval.statistics import blocks
+from omnieval.statistics.estimate import Estimate
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
 CONFIGURED = omnieval.configure(CONFIG)
@@ -34,8 +37,8 @@ def a_case(**changed):
     )
 
 
-def judged(metrics, **changed):
-    return {outcome.metric: outcome.judgement for outcome in judge.judge(a_case(**changed), metrics)}
+def judged(metrics, within=lambda metric: None, **changed):
+    return {outcome.metric: outcome.judgement for outcome in judge.judge(a_case(**changed), metrics, within)}
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +97,52 @@ def test_of_some_values_less_is_better(got, judgement):
 )
 def test_nodes_stay_in_their_range(nodes, judgement):
     assert judged({"nodes": nodes, "silhouette": 0.3})["nodes"] == judgement
+
+
+@pytest.mark.parametrize(
+    ("ends", "of_more", "of_less"),
+    [
+        ((0.10, 0.16), "worse", "better"),
+        ((0.10, 0.19), "ok", "ok"),
+        ((0.20, 0.22), "ok", "ok"),
+        ((0.26, 0.40), "ok", "ok"),
+        ((0.28, 0.40), "better", "worse"),
+        ((None, None), "missing", "missing"),
+    ],
+)
+def test_an_interval_is_worse_where_all_of_it_is(ends, of_more, of_less):
+    for better, judgement in (("higher", of_more), ("lower", of_less)):
+        guards = {"pair_f1": Guard(value=0.22, interval=(0.18, 0.27), better=better)}
+        found = judged(
+            {"nodes": 9, "pair_f1": 0.2}, {"pair_f1": Estimate(0.2, ends[0], ends[1], 60)}.get, guards=guards
+        )
+        assert found["pair_f1"] == judgement
+    assert judged({"nodes": 9, "pair_f1": 0.2}, guards=guards)["pair_f1"] == "missing"
+
+
+def test_intervals_are_guarded_where_images_can_be_resampled(run, reference, monkeypatch):
+    monkeypatch.setattr(blocks, "BLOCK_S", 1.0)  # the whole sequence is of 16 s
+    update(reference, [str(run.folder)], intervals=True)
+    (case,) = read_reference(reference)
+    guarded = {name for name, guard in case.guards.items() if guard.interval}
+    assert {"silhouette_image", "share_forced", "pair_f1"} <= guarded
+    assert not {"silhouette", "rooms_ari", "reentry_f1"} & guarded
+    within, kept = intervals_of_run(run), case.guards["silhouette_image"].interval
+    found = within("silhouette_image")
+    assert found
+    assert found.low is not None
+    assert found.high is not None
+    assert kept == (round(found.low, 6), round(found.high, 6))
+    (same,) = check(reference, [str(run.folder)])
+    assert not same.failed
+    before = reference.read_text()
+    update(reference, [str(run.folder)])  # what is guarded by an interval stays so
+    assert reference.read_text() == before
+    higher = case.guards["silhouette_image"].model_copy(update={"interval": (found.high + 0.01, found.high + 0.2)})
+    rewritten(reference, guards={**case.guards, "silhouette_image": higher})
+    (worse,) = check(reference, [str(run.folder)])
+    assert [outcome.metric for outcome in worse.outcomes if outcome.failed] == ["silhouette_image"]
+    assert f"[{found.low:.4g}, {found.high:.4g}]" in str(report.failure([worse], reference))
 
 
 def test_a_replay_without_metrics_has_every_value_missing():
@@ -244,6 +293,9 @@ def test_no_reference_and_an_empty_one_fail(tmp_path):
         ("schema_version = 2", "schema_version = ", "cannot read"),
         ("silhouette_sq =", "silhouete_sq =", "did you mean silhouette_sq"),
         ("tolerance = 0.02", "tolerance = -0.02", "tolerance"),
+        ("tolerance = 0.02", "interval = [0.4, 0.2]", "the wrong way round"),
+        ("tolerance = 0.02", "tolerance = 0.02, interval = [0.2, 0.4]", "one of the two"),
+        (", tolerance = 0.02", "", "one of the two"),
         ("nodes = ", "share_pending = ", "nodes"),
         ("name = ", "nome = ", "name"),
         ("stride = 1", "stride = 0", "stride"),
@@ -637,7 +689,9 @@ def test_committed_references_parse_and_name_traces_that_are_there(path):
         assert case.trace is not None
         trace = read_trace(path.parent / case.trace)
         assert trace["frame"].to_list() == list(range(len(trace)))
-        assert case.guards["silhouette"].tolerance <= 0.02
+        tolerance = case.guards["silhouette"].tolerance
+        assert tolerance is not None
+        assert tolerance <= 0.02
 
 
 def test_the_six_synthetic_cases_are_committed():

@@ -26,6 +26,12 @@ def check(
     update: Annotated[
         bool, typer.Option("--update", help="Accept what is found: rewrite the reference, or make it.")
     ] = False,
+    intervals: Annotated[
+        bool,
+        typer.Option(
+            "--intervals", help="With --update: guard 95 % intervals, not tolerances, of metrics that have some."
+        ),
+    ] = False,
     set_: options.Set = None,
     config: options.ConfigFile = None,
     camera: options.CameraFile = None,
@@ -52,9 +58,10 @@ def check(
     Images of other sequences that a reference looks for in its maps ([[localization]]) must be found as well as before.
 
     Exits with 4 and a table of expected, got and difference if a guarded value is worse by more than its tolerance,
-    outside its range, or missing, and if there is no reference or no case to compare with. A better value passes. A
-    case that cannot be replayed is no regression: 3 if its images cannot be read, 2 if its components or parameters
-    are not there. Components, parameters and cuts select among the cases of a SOURCE, or with --update add one.
+    outside its range, or missing; if the whole 95 % interval of a replay is worse than a guarded one; and if there is
+    no reference or no case to compare with. A better value passes. A case that cannot be replayed is no regression: 3
+    if its images cannot be read, 2 if its components or parameters are not there. Components, parameters and cuts
+    select among the cases of a SOURCE, or with --update add one.
 
     Examples:
 
@@ -67,14 +74,18 @@ def check(
       omnieval check --reference mine.toml --junit check.xml
     """
     selection = _selection(set_, config, camera, preset, mapper, descriptor, start, stride, limit, skip_bad=skip_bad)
+    from omnieval.errors import ConfigError
+
     about = poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
     if any(value is not None for value in about):
         _check_are_sources(targets or [])
     targets = [options.source_with(target, *about) for target in targets or ()]
+    if intervals and not update:
+        raise ConfigError("--intervals says what --update writes; a reference says itself what it guards")
     if junit:
         _check_junit(junit, update=update)
     if update:
-        _update(reference, targets, selection, json=json)
+        _update(reference, targets, selection, intervals=intervals, json=json)
     else:
         _check(reference, targets, selection, jobs, junit, json=json)
 
@@ -125,13 +136,13 @@ def _check_junit(junit: Path, *, update: bool) -> None:
         raise ConfigError(f"cannot write --junit {junit}: {reason}; choose another file")
 
 
-def _update(reference: Path, targets: list[str], selection: Selection | None, *, json: bool) -> None:
+def _update(reference: Path, targets: list[str], selection: Selection | None, *, intervals: bool, json: bool) -> None:
     from omnieval.cli.console import print_json, progress
     from omnieval.regression.update import change_lines
     from omnieval.regression.update import update as update_cases
 
     with progress("replaying") as report_progress:
-        changes = update_cases(reference, targets, selection=selection, progress=report_progress)
+        changes = update_cases(reference, targets, selection=selection, intervals=intervals, progress=report_progress)
     if json:
         content = [dataclasses.asdict(change) for change in changes]
         print_json({"schema_version": 1, "reference": str(reference), "changes": content})

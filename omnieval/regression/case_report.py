@@ -139,10 +139,16 @@ def number(metric: str, value: float | None, *, sign: str = "") -> str:
     return f"{round(value, 4) + 0.0:{sign}.4f}"  # Adding zero makes -0.0 plain 0.0.
 
 
+def got(outcome: Outcome) -> str:
+    """Return what a replay came to as text, with its interval where that is guarded."""
+    value = number(outcome.metric, outcome.got)
+    return value if outcome.interval is None else "{} [{:.4g}, {:.4g}]".format(value, *outcome.interval)
+
+
 def failure_line(name: str, outcome: Outcome) -> str:
     """Return what failed in a few words."""
-    got, expected = number(outcome.metric, outcome.got), number(outcome.metric, outcome.expected)
-    return f"{outcome.metric} of {name} is {got}, expected {expected} (allowed {outcome.allowed})"
+    expected = number(outcome.metric, outcome.expected)
+    return f"{outcome.metric} of {name} is {got(outcome)}, expected {expected} (allowed {outcome.allowed})"
 
 
 def _failures(report: CaseReport) -> Iterator[str]:
@@ -163,7 +169,7 @@ def _rows(report: CaseReport) -> Iterator[dict[str, str]]:
             "metric": metric,
             "expected": number(metric, outcome.expected),
             "allowed": outcome.allowed,
-            "got": number(metric, outcome.got),
+            "got": got(outcome),
             "difference": number(metric, outcome.difference, sign="+"),
             "judgement": outcome.judgement,
         }

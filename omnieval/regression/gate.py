@@ -34,6 +34,7 @@ from omnieval.regression.localizing import reports_of
 from omnieval.regression.reference import Case, LocalizationCase, Made, read_localizations, read_reference
 from omnieval.regression.trace import Parting, first_parting, read_trace
 from omnieval.results.compare import differing
+from omnieval.results.intervals import intervals_of_run
 from omnieval.results.manifest import expanded
 from omnieval.results.run_folder import Run
 
@@ -179,7 +180,7 @@ def _done(replay: _Replay, progress: Progress | None) -> list[CaseReport]:
 
 def _compare(case: Case, run: Run, reference: Path) -> CaseReport:
     parting, notes = _parting(case, run, reference)
-    outcomes = judge(case, run.metrics)
+    outcomes = judge(case, run.metrics, intervals_of_run(run))
     if run.status != "complete":
         notes = (f"{run.folder} is {run.status}: it has no metrics; replay it again", *notes)
     settings = {}

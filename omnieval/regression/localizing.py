@@ -11,19 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from omnieval.errors import OmnievalError, RegressionError, ResultError
-from omnieval.localization.run import localize
+from omnieval.localization.intervals import intervals_of_answers
+from omnieval.localization.run import Localization, localize
 from omnieval.localization.strategies import LEVELS, NEAREST, has_levels
 from omnieval.regression.case_report import CaseReport
 from omnieval.regression.cases import Progress, canonical_source
 from omnieval.regression.judge import judge_guards
 from omnieval.regression.reference import (
-    DECIMALS,
     Guard,
     LocalizationCase,
     LocalizationMade,
     better_of_localization,
 )
 from omnieval.results.run_folder import Run
+from omnieval.statistics.estimate import Estimate
 
 TOLERANCES = {"recall@1": 0.05, "error_mean": 0.1, "node_accuracy": 0.05}
 """What a localisation guards unless its reference says otherwise, and by how much each may be worse."""
@@ -31,14 +32,15 @@ TOLERANCES = {"recall@1": 0.05, "error_mean": 0.1, "node_accuracy": 0.05}
 
 @dataclass(frozen=True)
 class Answers:
-    """What came of one localisation: metrics by strategy, and what they were made with."""
+    """What came of one localisation: metrics by strategy, their intervals where asked for, and how it was made."""
 
     metrics: dict[str, dict[str, float | int | None]]
+    within: dict[str, dict[str, Estimate]]
     made: LocalizationMade
 
 
 def answers_of(
-    cases: Sequence[LocalizationCase], run: Run, progress: Progress | None = None
+    cases: Sequence[LocalizationCase], run: Run, progress: Progress | None = None, *, intervals: bool = False
 ) -> dict[str, Answers | OmnievalError]:
     """Look for the queries of some localisations in the map of a run.
 
@@ -50,13 +52,19 @@ def answers_of(
         A run with a map.
     progress
         Called with (answers so far, answers in all).
+    intervals
+        Whether the intervals of all guarded metrics are needed, not of those alone that are guarded by theirs.
 
     Returns
     -------
     What came of each, by name, or why nothing did.
     """
     alike = groupby(sorted(cases, key=_manner), key=_manner)
-    return {name: found for _, group in alike for name, found in _together(list(group), run, progress).items()}
+    return {
+        name: found
+        for _, group in alike
+        for name, found in _together(list(group), run, progress, intervals=intervals).items()
+    }
 
 
 def reports_of(cases: Sequence[LocalizationCase], run: Run, progress: Progress | None = None) -> Iterator[CaseReport]:
@@ -75,8 +83,8 @@ def reports_of(cases: Sequence[LocalizationCase], run: Run, progress: Progress |
             yield _judged(case, found)
 
 
-def renewed(case: LocalizationCase, found: Answers) -> LocalizationCase:
-    """Return a localisation that expects what was found; guarded metrics and tolerances stay.
+def renewed(case: LocalizationCase, found: Answers, *, intervals: bool = False) -> LocalizationCase:
+    """Return a localisation that expects what was found; guarded metrics stay, and how they are, see `Guard.renewed`.
 
     Raises
     ------
@@ -85,7 +93,7 @@ def renewed(case: LocalizationCase, found: Answers) -> LocalizationCase:
     """
     expected = {
         strategy: {
-            name: guard.model_copy(update={"value": round(float(value), DECIMALS)})
+            name: guard.renewed(value, found.within[strategy].get, name, intervals=intervals)
             for name, guard in (case.expected.get(strategy) or _default_guards()).items()
             if (value := metrics.get(name)) is not None
         }
@@ -106,12 +114,12 @@ def _manner(case: LocalizationCase) -> tuple[Any, ...]:
 
 
 def _together(
-    cases: Sequence[LocalizationCase], run: Run, progress: Progress | None
+    cases: Sequence[LocalizationCase], run: Run, progress: Progress | None, *, intervals: bool
 ) -> dict[str, Answers | OmnievalError]:
     first = cases[0]
     try:
         with tempfile.TemporaryDirectory(prefix="omnieval-check-") as temporary:
-            found = localize(
+            answered = localize(
                 run,
                 *(canonical_source(case.query) for case in cases),
                 strategies=tuple(first.expected) or _default_strategies(run),
@@ -119,15 +127,23 @@ def _together(
                 **dataclasses.asdict(first.cut),
                 out=Path(temporary) / "found",
                 progress=progress,
-            ).manifest
+            )
+            found = answered.manifest
+            within = [
+                _within(answered, query["sequence"], case, intervals=intervals)
+                for case, query in zip(cases, found["queries"], strict=True)
+            ]
     except OmnievalError as error:
         if len(cases) == 1:
             return {first.name: error}
         # One query that cannot be read hides no other.
-        return {name: one for case in cases for name, one in _together([case], run, progress).items()}
+        return {
+            name: one for case in cases for name, one in _together([case], run, progress, intervals=intervals).items()
+        }
     return {
         case.name: Answers(
             found["metrics"][query["sequence"]],
+            of_case,
             LocalizationMade(
                 date=found["finished"],
                 code=found["code"],
@@ -135,8 +151,21 @@ def _together(
                 map_digest=found["map"]["digest"],
             ),
         )
-        for case, query in zip(cases, found["queries"], strict=True)
+        for case, query, of_case in zip(cases, found["queries"], within, strict=True)
     }
+
+
+def _within(
+    answered: Localization, sequence: str, case: LocalizationCase, *, intervals: bool
+) -> dict[str, dict[str, Estimate]]:
+    """Return the intervals that a case needs, by strategy and metric."""
+    found: dict[str, dict[str, Estimate]] = {}
+    for strategy in answered.manifest["strategies"]:
+        within = intervals_of_answers(answered, sequence, strategy)
+        guards = case.expected.get(strategy) or _default_guards()
+        needed = [name for name, guard in guards.items() if intervals or guard.interval is not None]
+        found[strategy] = {name: estimate for name in needed if (estimate := within(name)) is not None}
+    return found
 
 
 def _default_strategies(run: Run) -> tuple[str, ...]:
@@ -154,7 +183,7 @@ def _judged(case: LocalizationCase, found: Answers) -> CaseReport:
     outcomes = tuple(
         dataclasses.replace(outcome, metric=f"{strategy} {outcome.metric}")
         for strategy, guards in case.expected.items()
-        for outcome in judge_guards(guards, found.metrics[strategy])
+        for outcome in judge_guards(guards, found.metrics[strategy], found.within[strategy].get)
     )
     return CaseReport(case.name, outcomes, notes=tuple(_changes(case, found, explain=any(x.failed for x in outcomes))))
 

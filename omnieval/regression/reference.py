@@ -18,6 +18,7 @@ radius = 2.5
 nodes = { value = 9, min = 8, max = 10 }
 silhouette = { value = 0.31, tolerance = 0.02 }
 share_forced = { value = 0.04, tolerance = 0.05, better = "lower" }
+pair_f1 = { value = 0.22, interval = [0.18, 0.27] }    # fails when the whole interval of a replay is below this one
 
 [case.made]                         # how the expected values came about; written by --update, never judged
 date = "2026-01-31T12:00:00+00:00"
@@ -58,13 +59,14 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Table
 
 from omnieval.config import Config, Setting, resolve
-from omnieval.errors import ConfigError, RegressionError
+from omnieval.errors import ConfigError, RegressionError, ResultError
 from omnieval.localization.measures import LOWER_IS_BETTER
 from omnieval.localization.measures import METRICS as OF_LOCALIZATION
 from omnieval.localization.strategies import STRATEGIES, check_strategies
 from omnieval.material import Cut
 from omnieval.metrics.catalogue import BY_NAME, METRICS
 from omnieval.results.atomic import replacing
+from omnieval.statistics.within import IntervalOf
 from omnieval.wording import did_you_mean
 
 SCHEMA_VERSION = 2
@@ -83,13 +85,52 @@ _SECTIONS = ("parameters", "expected", *STRATEGIES, "made", "versions")
 
 
 class Guard(BaseModel):
-    """The expected value of a metric, and by how much a replay may be worse."""
+    """The expected value of a metric, and what a replay is held against: a tolerance, or its interval.
+
+    Attributes
+    ----------
+    value
+        What is expected.
+    tolerance
+        By how much a replay may be worse.
+    interval
+        The 95 % interval over the images of the run (`statistics.blocks`); a replay is worse when all of its own is.
+    better
+        Which way the metric is better.
+    """
 
     model_config = _LOCKED
 
     value: float
-    tolerance: float = Field(ge=0)
+    tolerance: float | None = Field(None, ge=0)
+    interval: tuple[float, float] | None = None
     better: Literal["higher", "lower"] = "higher"
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Guard:
+        if (self.tolerance is None) == (self.interval is None):
+            raise ValueError("give a tolerance or an interval, one of the two")
+        if self.interval is not None and self.interval[0] > self.interval[1]:
+            raise ValueError(f"interval is from {self.interval[0]:g} to {self.interval[1]:g}, the wrong way round")
+        return self
+
+    def renewed(self, value: float, within: IntervalOf, metric: str, *, intervals: bool = False) -> Guard:
+        """Return a guard of the same kind that expects another value; with `intervals`, of its interval if it has one.
+
+        Raises
+        ------
+        ResultError
+            If an interval is guarded, and there is none any more.
+        """
+        changed: dict[str, Any] = {"value": round(float(value), DECIMALS)}
+        if self.interval is not None or intervals:
+            found = within(metric)
+            if found is not None and found.low is not None and found.high is not None:
+                ends = round(found.low, DECIMALS), round(found.high, DECIMALS)
+                changed |= {"interval": ends, "tolerance": None}
+            elif self.interval is not None:
+                raise ResultError(f"{metric} has no interval over these images; guard it by a tolerance")
+        return self.model_copy(update=changed)
 
 
 class NodeRange(BaseModel):
@@ -347,7 +388,7 @@ def _plain(case: Case) -> dict[str, Any]:
         plain["skipped"] = list(case.skipped)
     if case.trace is not None:
         plain["trace"] = PurePosixPath(case.trace).as_posix()
-    guards = {name: guard.model_dump(exclude_defaults=True) for name, guard in case.guards.items()}
+    guards = {name: _plain_guard(guard) for name, guard in case.guards.items()}
     plain["expected"] = {"nodes": case.nodes.model_dump(), **guards}
     return plain | ({} if case.made is None else {"made": case.made.model_dump()})
 
@@ -357,10 +398,15 @@ def _plain_localization(case: LocalizationCase) -> dict[str, Any]:
     plain: dict[str, Any] = case.model_dump(include={"name", "map", "query", "within"})
     plain["cut"] = {name: value for name, value in dataclasses.asdict(case.cut).items() if value is not None}
     plain["expected"] = {
-        strategy: {name: guard.model_dump(exclude_defaults=True) for name, guard in guards.items()}
+        strategy: {name: _plain_guard(guard) for name, guard in guards.items()}
         for strategy, guards in case.expected.items()
     }
     return plain | ({} if case.made is None else {"made": case.made.model_dump()})
+
+
+def _plain_guard(guard: Guard) -> dict[str, Any]:
+    plain = guard.model_dump(exclude_defaults=True)
+    return plain | ({} if guard.interval is None else {"interval": list(guard.interval)})
 
 
 def _table(content: Mapping[str, Any]) -> Table:

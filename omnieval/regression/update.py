@@ -27,7 +27,6 @@ from omnieval.regression.cases import (
 )
 from omnieval.regression.localizing import answers_of, renewed
 from omnieval.regression.reference import (
-    DECIMALS,
     Case,
     Guard,
     LocalizationCase,
@@ -39,6 +38,7 @@ from omnieval.regression.reference import (
 )
 from omnieval.regression.trace import DECISION, Parting, first_parting, read_trace, write_trace
 from omnieval.results.compare import differing
+from omnieval.results.intervals import intervals_of_run
 from omnieval.results.manifest import expanded
 from omnieval.results.run_folder import Run
 from omnieval.wording import safe_name
@@ -88,11 +88,21 @@ class _Renewed:
     localizations: tuple[tuple[LocalizationCase, LocalizationCase], ...] = ()
 
 
+@dataclass(frozen=True)
+class _How:
+    """Where a reference is, whether new intervals are to be guarded, and what is called with frames done and in all."""
+
+    reference: Path
+    intervals: bool
+    progress: Progress | None
+
+
 def update(
     reference: Path,
     targets: Sequence[str] = (),
     *,
     selection: Selection | None = None,
+    intervals: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Change, ...]:
     """Take what replays come to now as what is expected, and write the reference, or make it.
@@ -102,6 +112,13 @@ def update(
     with the case whose map they are in, where that is replayed. Nothing is written unless all replays succeed, and can
     be made again from what is written.
 
+    Parameters
+    ----------
+    reference, targets, selection, progress
+        See `check`.
+    intervals
+        Guard metrics by their 95 % intervals in place of tolerances, where images can be resampled for them.
+
     Raises
     ------
     RegressionError
@@ -110,15 +127,16 @@ def update(
         If something cannot be replayed, or a run is not complete, or a file cannot be written.
     """
     reference = expanded(reference)
+    how = _How(reference, intervals, progress)
     there = reference.exists() or not targets
     cases = list(read_reference(reference, may_be_empty=bool(targets)) if there else ())
     localizations = read_localizations(reference, cases) if there else ()
     renewals = []
     if not targets:
         refuse_selection(selection)
-        renewals = [_replay(case, cases, localizations, reference, progress) for case in cases]
+        renewals = [_replay(case, cases, localizations, how) for case in cases]
     for target in targets:
-        for renewal in _of_target(target, cases, localizations, reference, selection, progress):
+        for renewal in _of_target(target, cases, localizations, selection, how):
             renewals.append(renewal)
             cases = [case for case in cases if case.name != renewal.new.name] + [renewal.new]
     changes = [_change(renewal, reference) for renewal in renewals]
@@ -150,43 +168,36 @@ def _of_target(
     name: str,
     cases: Sequence[Case],
     localizations: Sequence[LocalizationCase],
-    reference: Path,
     selection: Selection | None,
-    progress: Progress | None,
+    how: _How,
 ) -> list[_Renewed]:
     target = target_of(name, selection, cases)
     if target.run is not None:
         _refuse_changed(target.run)
         found = target.cases or (None,)
-        return [_renew(case, target.run, cases, reference) for case in found]
+        return [_renew(case, target.run, cases, how) for case in found]
     if target.cases:
-        return [_replay(case, cases, localizations, reference, progress) for case in target.cases]
-    with replayed(target.job.source, selection or Selection(resolve()), progress) as run:
-        return [_renew(None, run, cases, reference)]
+        return [_replay(case, cases, localizations, how) for case in target.cases]
+    with replayed(target.job.source, selection or Selection(resolve()), how.progress) as run:
+        return [_renew(None, run, cases, how)]
 
 
-def _replay(
-    case: Case,
-    cases: Sequence[Case],
-    localizations: Sequence[LocalizationCase],
-    reference: Path,
-    progress: Progress | None,
-) -> _Renewed:
+def _replay(case: Case, cases: Sequence[Case], localizations: Sequence[LocalizationCase], how: _How) -> _Renewed:
     located = [one for one in localizations if one.map == case.name]
-    with replayed(case.source, selection_of(case), progress, save_map=bool(located)) as run:
-        renewal = _renew(case, run, cases, reference)
-        return dataclasses.replace(renewal, localizations=tuple(_renewed_in(located, run, progress)))
+    with replayed(case.source, selection_of(case), how.progress, save_map=bool(located)) as run:
+        renewal = _renew(case, run, cases, how)
+        return dataclasses.replace(renewal, localizations=tuple(_renewed_in(located, run, how)))
 
 
 def _renewed_in(
-    cases: Sequence[LocalizationCase], run: Run, progress: Progress | None
+    cases: Sequence[LocalizationCase], run: Run, how: _How
 ) -> Iterator[tuple[LocalizationCase, LocalizationCase]]:
-    answered = answers_of(cases, run, progress)
+    answered = answers_of(cases, run, how.progress, intervals=how.intervals)
     for case in cases:
         found = answered[case.name]
         if isinstance(found, OmnievalError):
             raise type(found)(f"{case.name} cannot be localised: {found}")
-        yield case, renewed(case, found)
+        yield case, renewed(case, found, intervals=how.intervals)
 
 
 def _refuse_changed(run: Run) -> None:
@@ -201,7 +212,7 @@ def _refuse_changed(run: Run) -> None:
         raise type(error)(f"{run.folder} cannot be a case: {error}") from error
 
 
-def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -> _Renewed:
+def _renew(old: Case | None, run: Run, cases: Sequence[Case], how: _How) -> _Renewed:
     name = old.name if old else _free_name(run, {case.name for case in cases})
     job, config = Job.of_run(run), run.config
     try:
@@ -229,9 +240,9 @@ def _renew(old: Case | None, run: Run, cases: Sequence[Case], reference: Path) -
         )
         changed = {
             "skipped": left_out(run),
-            "trace": new.trace or f"{reference.stem}/{safe_name(name)}.parquet",
+            "trace": new.trace or f"{how.reference.stem}/{safe_name(name)}.parquet",
             "nodes": _node_range(old, run),
-            "guards": _guards(old, run),
+            "guards": _guards(old, run, intervals=how.intervals),
             "made": made,
         }
         new = new.model_copy(update=changed)
@@ -262,11 +273,12 @@ def _node_range(old: Case | None, run: Run) -> NodeRange:
     return NodeRange(value=value, min=max(1, value - below), max=value + above)
 
 
-def _guards(old: Case | None, run: Run) -> dict[str, Guard]:
+def _guards(old: Case | None, run: Run, *, intervals: bool) -> dict[str, Guard]:
     """Return the guards, new values in old tolerances; a metric that has no value cannot be guarded."""
     guards = old.guards if old else {name: _default_guard(name) for name in GUARDED}
+    within = intervals_of_run(run)
     return {
-        name: guard.model_copy(update={"value": round(float(value), DECIMALS)})
+        name: guard.renewed(value, within, name, intervals=intervals)
         for name, guard in guards.items()
         if (value := run.metrics.get(name)) is not None
     }

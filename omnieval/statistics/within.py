@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from omnieval.statistics.blocks import Blocks, Statistic, block_estimate
 from omnieval.statistics.estimate import Estimate
 
+IntervalOf = Callable[[str], Estimate | None]
+"""Gives the interval of a metric by its name; None where it has none."""
 _SAME = 1e-9
 """By how much a metric that is computed again may differ."""
 
