@@ -9,6 +9,7 @@ what is there is read and work goes on; `DescriptorCache.note` says why.
 from __future__ import annotations
 
 import hashlib
+import os
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -98,7 +99,7 @@ class DescriptorCache:
         except OSError:
             return None  # whoever reads the image will say what is wrong with it
         with self._lock:
-            kept = self._shelf(key).of_file(_group(file), _state_digest(file, state))
+            kept = self._shelf(key).of_file(*_told(file, state))
             self.hits += kept is not None
         return _described(kept)
 
@@ -128,7 +129,7 @@ class DescriptorCache:
             if self.note is not None:
                 return described
             shelf, image = self._shelf(key), bytes.fromhex(described.digest)
-            at = _group(file), _state_digest(file, state), image
+            at = *_told(file, state), image
             if described.place is None:
                 described = replace(described, place=shelf.add(*at, described.description))
             else:
@@ -183,19 +184,15 @@ def _described(kept: Kept | None) -> DescribedFrame | None:
     return None if kept is None else DescribedFrame(kept.description, kept.image.hex(), kept.place)
 
 
-def _text(file: Path) -> bytes:
-    """Name a file; file names need not be valid Unicode."""
-    return str(file.absolute()).encode("utf-8", "backslashreplace")
-
-
-def _state_digest(file: Path, state: str) -> bytes:
-    return hashlib.blake2b(_text(file) + b"\0" + state.encode(), digest_size=16).digest()
-
-
-def _group(file: Path) -> str:
-    return _group_of(file.parent)
+def _told(file: Path, state: str) -> tuple[str, bytes]:
+    """Return the group of a file's folder, and what tells the file and its state; names need not be valid Unicode."""
+    text = str(file if file.is_absolute() else file.absolute())
+    name = text.encode("utf-8", "backslashreplace")
+    group = _group(text.rpartition(os.sep)[0])
+    return group, hashlib.blake2b(name + b"\0" + state.encode(), digest_size=16).digest()
 
 
 @lru_cache(1024)
-def _group_of(folder: Path) -> str:
-    return f"{hashlib.blake2b(_text(folder), digest_size=1).digest()[0] % _GROUPS:02x}"
+def _group(folder: str) -> str:
+    name = folder.encode("utf-8", "backslashreplace")
+    return f"{hashlib.blake2b(name, digest_size=1).digest()[0] % _GROUPS:02x}"

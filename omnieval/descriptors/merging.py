@@ -6,7 +6,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from omnieval.datasets.cachedir import unused
-from omnieval.descriptors.segments import ENDINGS, LINK, POSITION, Filler, Segment, file_of
+from omnieval.descriptors.segments import ENDINGS, LINK, POSITION, Filler, Segment, Shape, file_of
 
 MANY = 32
 """Small segments of one group, before they are merged."""
@@ -37,10 +37,11 @@ def merge(new: Path, names: list[str]) -> bool:
         if len(small) < MANY:
             return False
         free = [segment for segment in small if held.enter_context(unused(file_of(segment, POSITION)))]
-        fillers: dict[object, Filler] = {}
+        fillers: dict[Shape, Filler] = {}
+        copied: set[bytes] = set()
         try:
             for segment in free:
-                _copy(Segment(segment, folder.name), new, fillers)
+                _copy(Segment(segment, folder.name), new, fillers, copied)
             for filler in fillers.values():
                 filler.flush()
         except OSError:  # what is there stays as it is
@@ -61,8 +62,8 @@ def _is_small(segment: Path) -> bool:
         return False
 
 
-def _copy(segment: Segment, new: Path, fillers: dict[object, Filler]) -> None:
-    """Have all of a segment kept in the filler of its shape, but for what is damaged."""
+def _copy(segment: Segment, new: Path, fillers: dict[Shape, Filler], copied: set[bytes]) -> None:
+    """Have each image of a segment kept once in the filler of its shape, but for what is damaged."""
     entries = segment.news()
     shape = segment.shape
     if shape is None:
@@ -76,5 +77,9 @@ def _copy(segment: Segment, new: Path, fillers: dict[object, Filler]) -> None:
             if segment.vouches(entry):
                 filler.link(entry.file, entry.image)
         elif (description := segment.description(entry)) is not None:
-            filler.add(entry.file, entry.image, description)
+            if entry.image in copied:
+                filler.link(entry.file, entry.image)
+            else:
+                filler.add(entry.file, entry.image, description)
+                copied.add(entry.image)
     segment.close()

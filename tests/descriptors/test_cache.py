@@ -362,10 +362,13 @@ def segments(folder):
 
 def test_many_small_segments_become_one_and_nothing_is_lost(tmp_path):
     folder = tmp_path / "c"
-    files = grown(folder, tmp_path, MANY - 1)
-    assert segments(folder) == MANY - 1
+    files = grown(folder, tmp_path, MANY - 2)
     copy = tmp_path / "copy.png"
     copy.write_bytes(b"3")
+    twice = tmp_path / "twice.png"
+    twice.write_bytes(b"4")
+    stored(folder, twice, seed=4)  # as by a process that filled the store at the same moment
+    assert segments(folder) == MANY - 1
     with DescriptorCache(folder) as reader:  # has read the indices, and of segments only the first
         assert reader.lookup(files[0], KEY) is not None
         with DescriptorCache(folder) as cache:
@@ -377,9 +380,9 @@ def test_many_small_segments_become_one_and_nothing_is_lost(tmp_path):
             known = reader.lookup(file, KEY)
             assert known is not None
             assert same(known.description, a_description(number))
-    for number, file in (*enumerate(files), (3, copy)):
+    for number, file in (*enumerate(files), (3, copy), (4, twice)):
         assert same(found(folder, file).description, a_description(number))
-    assert sum(file.stat().st_size for file in folder.rglob(f"*{POSITION}")) == (MANY - 1) * 24
+    assert sum(file.stat().st_size for file in folder.rglob(f"*{POSITION}")) == (MANY - 2) * 24
 
 
 def test_what_is_damaged_or_of_another_shape_is_not_mixed_up_by_merging(tmp_path):
