@@ -55,7 +55,7 @@ later settings win over earlier ones, and all over a `--preset`. A mapper's para
 those of imaging and of a descriptor with its name before them (`imaging.rows`, `hog.bins`); a bare name does where
 only one of the chosen components has it. The bare name of a parameter of another component is refused; with the
 component's name before it (`leader.radius`) it is set for when that one is chosen. `omnieval parameters --mapper NAME
---descriptor NAME` lists those of components of one's own. What the choices of `roman2020` and of the descriptors
+--descriptor NAME` lists those of components of your own. What the choices of `roman2020` and of the descriptors
 mean, and why the defaults are what they are, stands in [method.md](method.md).
 """
 

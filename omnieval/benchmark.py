@@ -1,7 +1,7 @@
 """Baselines over the material of a replay: the same images, the same metrics, partitions made by other means.
 
 The folder of a baseline is ``runs/<sequence>-<descriptor>-<method>[-<n>]/``: ``run.json`` says what was clustered and
-how, its status and timings; ``baseline.parquet`` has one row a partition, written as they come, so that a killed
+how, its status and timings; ``baseline.parquet`` has one row per partition, written as they come, so that a killed
 baseline leaves a readable prefix.
 """
 
@@ -53,7 +53,7 @@ class BaselineRun:
 
 @dataclass(frozen=True)
 class _Order:
-    """What is to be made: a method, its similarity (None if it uses none) and the numbers of clusters."""
+    """An order of partitions: a method, its similarity (None if it uses none) and the numbers of clusters."""
 
     name: str
     method: Method
@@ -81,7 +81,7 @@ def baseline(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Part a sequence by another method and return one row a partition (`schemas.PARTITIONS`); see `run_baseline`."""
+    """Divide a sequence by another method, and return one row per partition (`schemas.PARTITIONS`): `run_baseline`."""
     return run_baseline(
         with_poses(source, poses, poses_tolerance, poses_interpolate),
         method=method,
@@ -111,7 +111,7 @@ def run_baseline(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> BaselineRun:
-    """Part a sequence by a batch or control method, judge it like a map, and write the baseline folder.
+    """Divide a sequence by a batch or control method, judge it like a map, and write the baseline folder.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def run_baseline(
     DatasetError
         If the sequence cannot be read or lacks what the method needs.
     ResultError
-        If the folder cannot be written, or `at_k_of` is no complete run.
+        If the folder cannot be written, or `at_k_of` is not a complete run.
     """
     config = config or resolve()
     order = _order(method, similarity, ks, at_k_of)
@@ -162,14 +162,14 @@ def run_baseline(
 def check_options(
     *, method: str, similarity: str | None = None, ks: Iterable[int] | None = None, at_k_of: str | Path | None = None
 ) -> None:
-    """Refuse what no sequence could make right, without looking at one; `run_baseline` describes each.
+    """Refuse what is wrong whatever the sequence is, before one is opened; `run_baseline` describes each.
 
     Raises
     ------
     ConfigError
         If method, similarity or a number of clusters is wrong, or they do not go together.
     ResultError
-        If `at_k_of` is no complete run.
+        If `at_k_of` is not a complete run.
     """
     _order(method, similarity, ks, at_k_of)
 
@@ -203,7 +203,7 @@ def _nodes_of(folder: str | Path) -> int:
 
 
 def _within(order: _Order, images: int, source: str, *, asked: bool) -> _Order:
-    """Check the numbers of clusters against the number of images; what nobody asked for is dropped."""
+    """Check the numbers of clusters against the number of images; default ones that are too large are dropped."""
     if order.similarity is not None and images < 2:
         raise ConfigError(f"{source}: a similarity needs at least 2 images, there is {images}")
     if order.method.compares_all and (fault := too_many(images)):

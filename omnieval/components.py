@@ -1,4 +1,4 @@
-"""Descriptors and mappers by name, by place, or as objects, each with an identity of its own.
+"""Descriptors and mappers by name, by place, or as objects, each with its own identity.
 
 A component is named on the command line, in files and from Python by
 
@@ -99,7 +99,7 @@ class Component:
 
     @property
     def is_default(self) -> bool:
-        """Whether it is what is taken where nobody chooses."""
+        """Whether it is the default."""
         return self.spec == next(iter(BUILT_IN[self.kind]))
 
     @property
@@ -127,7 +127,9 @@ class Component:
         if self.given is not None:
             return type(self.given)
         if self.spec is None:
-            raise ConfigError(f"the {self.kind} {self.name} was an object that no file or package names; give it again")
+            raise ConfigError(
+                f"the {self.kind} {self.name} was an object in memory, not in a file or package; give it again"
+            )
         return find_class(self.kind, self.spec)
 
     def make(self, **more: Any) -> Any:
@@ -173,16 +175,17 @@ class Component:
             raise ResultError(f"the {self.kind} {self.name} cannot be made again: {error}") from error
         if now is None:
             raise ResultError(
-                f"the {self.kind} {self.name} was an object that no file or package names, so it cannot be made again"
+                f"the {self.kind} {self.name} was an object in memory, not in a file or package, so it cannot be made "
+                "again"
             )
         if now.identity != self.identity:
             changed = ", ".join(key for key, value in self.identity.items() if now.identity[key] != value)
-            raise ResultError(f"the {self.kind} {self.name} is not what it was ({changed} changed); replay it again")
+            raise ResultError(f"the {self.kind} {self.name} has changed since the run ({changed}); replay it again")
         return now
 
     @staticmethod
     def of_run(kind: Kind, about: Mapping[str, Any]) -> Component:
-        """Return the component that ``run.json`` tells of; nothing is imported for it."""
+        """Return the component that ``run.json`` describes; nothing is imported for it."""
         return Component(
             kind, about["name"], about["spec"], dict(about["settings"]), about["code"], about.get("weights")
         )
@@ -215,7 +218,7 @@ def resolve_component(kind: Kind, chosen: Any, settings: Mapping[str, Any] | Non
     """
     if isinstance(chosen, Component):
         if chosen.kind != kind:
-            raise ConfigError(f"{chosen.name} is no {kind} but a {chosen.kind}")
+            raise ConfigError(f"{chosen.name} is not a {kind} but a {chosen.kind}")
         return chosen
     if not isinstance(chosen, str) and not inspect.isclass(chosen):
         return _of_object(kind, chosen)
@@ -261,7 +264,7 @@ def find_class(kind: Kind, spec: str) -> Any:
         if entry is None:
             hint = did_you_mean(spec, known(kind))
             raise ConfigError(
-                f"unknown {kind} {shown(spec)!r}; {hint}; one of your own is package.module:Class or path/file.py:Class"
+                f"unknown {kind} {shown(spec)!r}; {hint} (one of your own: package.module:Class or path/file.py:Class)"
             )
         place = entry.value
     where, _, name = (place or spec).rpartition(":")
@@ -383,7 +386,7 @@ def _of_object(kind: Kind, given: Any) -> Component:
 
 def _check(kind: Kind, cls: Any, what: str) -> None:
     if not callable(getattr(cls, _WORK[kind], None)) or not inspect.isclass(cls):
-        raise ConfigError(f"{shown(what)} is no {kind}: a {kind} is a class with a method {_WORK[kind]}")
+        raise ConfigError(f"{shown(what)} is not a {kind}: a {kind} is a class with a method {_WORK[kind]}")
 
 
 def _instance(cls: Any, kind: Kind, what: str, settings: Mapping[str, Any], **more: Any) -> Any:

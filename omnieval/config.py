@@ -28,7 +28,7 @@ from omnieval.wording import did_you_mean
 
 _IMAGING = "imaging"
 RECOMMENDED = "recommended"
-"""The preset of every mapper that sets nothing."""
+"""The preset that every mapper has, in which all parameters have their defaults."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Config:
 
     @staticmethod
     def of_run(manifest: Mapping[str, Any]) -> Config:
-        """Return the configuration that ``run.json`` tells of; no component is imported for it."""
+        """Return the configuration that ``run.json`` describes; no component is imported for it."""
         return Config(
             Component.of_run("mapper", manifest["mapper"]),
             Component.of_run("descriptor", manifest["descriptor"]),
@@ -84,7 +84,7 @@ class Owner:
 
     @property
     def fields(self) -> dict[str, FieldInfo]:
-        """Its parameters."""
+        """The parameters of this owner."""
         return dict(self.model.model_fields) if self.model else {}
 
     def full(self, field: str) -> str:
@@ -284,7 +284,7 @@ def read_camera(path: Path) -> list[Setting]:
 
 
 def with_camera(imaging: ImagingConfig, path: Path) -> ImagingConfig:
-    """Return how images become panoramas of the same size, of a camera that a file like ``camera.toml`` tells of.
+    """Return how images become panoramas of the same size, of a camera that a file like ``camera.toml`` describes.
 
     Raises
     ------

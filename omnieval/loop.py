@@ -106,8 +106,9 @@ def replay(
     save_map
         Whether to keep the map with the descriptions of its images, in which others can be localised.
     continuing
-        A run, or its folder, whose map goes on: its images are mapped again, from the map, and the sequence follows on
-        them, as if both had been one. The run brings mapper, descriptor and imaging, so that none of these is given.
+        A run, or its folder, whose map is continued: its images are mapped again, from the map, and the sequence
+        follows on them, as if both had been one. The run brings mapper, descriptor and imaging, so that none of these
+        is given.
     progress
         Called with (frames done, frames in all).
     **parameters
@@ -120,7 +121,7 @@ def replay(
     DatasetError
         If the sequence cannot be read, or one of its images is not fit for use: before the first step.
     ResultError
-        If the run folder cannot be written, or the map cannot go on with the sequence.
+        If the run folder cannot be written, or the map cannot continue with the sequence.
     """
     earlier = None if continuing is None else continuing if isinstance(continuing, Run) else open_run(continuing)
     if earlier is None:
@@ -150,7 +151,7 @@ def replay(
 
 
 def _continued_config(earlier: Run, out: str | Path | None, *, given: bool) -> Config:
-    """Return what goes on mapping as a run did.
+    """Return the configuration that continues the map of a run.
 
     Raises
     ------
@@ -161,11 +162,11 @@ def _continued_config(earlier: Run, out: str | Path | None, *, given: bool) -> C
     """
     if given:
         raise ConfigError(
-            f"the map of {earlier.folder} goes on with its own mapper, descriptor and imaging; leave parameters out, "
-            "or map both sequences anew"
+            f"the map of {earlier.folder} continues with its own mapper, descriptor and imaging; leave parameters out, "
+            "or map both sequences from the start"
         )
     if out is not None and Path(out).expanduser().resolve() == earlier.folder.resolve():
-        raise ConfigError(f"{earlier.folder} is the run whose map goes on; choose another --out")
+        raise ConfigError(f"{earlier.folder} is the run whose map is continued; choose another --out")
     config = earlier.config
     return replace(config, mapper=config.mapper.again())
 
@@ -173,7 +174,7 @@ def _continued_config(earlier: Run, out: str | Path | None, *, given: bool) -> C
 def run_name(sequence: str, descriptor: Component, mapper: Component) -> str:
     """Return what the folder of a run is called: the sequence, what describes it, and a mapper that is not the default.
 
-    An archive says no descriptor: ``map`` stands for it.
+    An archive does not say which descriptor made it: ``map`` is put in its place.
     """
     described = "map" if descriptor == ARCHIVE else descriptor.name
     return "-".join([sequence, described, *([] if mapper.is_default else [mapper.name])])
@@ -312,7 +313,7 @@ class _Trace:
             self.smallest_margin = {"value": margin.value, "frame": step.frame, "gate": margin.gate}
 
     def told(self, frames: tuple[Frame, ...], steps: int) -> dict[str, Any]:
-        """Return what ``run.json`` says of a run that came to this many steps, which may be fewer than were traced."""
+        """Return what ``run.json`` says of a run with this many steps, which may be fewer than were traced."""
         return {"dataset_fingerprint": dataset_fingerprint(frames[:steps], self.digests[:steps])} if steps else {}
 
 
@@ -370,7 +371,7 @@ def _run(
 
 
 def hold_decision(step: Step, recorded: Step, where: str) -> None:
-    """Refuse a decision that is made again if it comes out otherwise.
+    """Refuse a decision that is made again and differs.
 
     Parameters
     ----------
@@ -388,7 +389,7 @@ def hold_decision(step: Step, recorded: Step, where: str) -> None:
     """
     if (step.verdict, step.node, step.match) != (recorded.verdict, recorded.node, recorded.match):
         raise ResultError(
-            f"step {step.frame} of {where} comes out otherwise now: {recorded.verdict} became {step.verdict}; "
+            f"step {step.frame} of {where} is decided differently now: {recorded.verdict} became {step.verdict}; "
             "its images, the machine or a library may have changed, so replay the sequence again"
         )
 

@@ -1,7 +1,8 @@
 """One way to open what is replayed: a source of any kind, or what a run replayed, exactly as it was.
 
 A sequence of images and an archive of descriptors become the same `Material`. What a run replayed is opened by what its
-``run.json`` says (cut, images left out, camera, descriptor, the map it went on from), and held against its fingerprint.
+``run.json`` says (cut, images left out, camera, descriptor, the map it continued from), and compared with its
+fingerprint.
 """
 
 from __future__ import annotations
@@ -120,16 +121,16 @@ class Material:
     card
         Name of the data card, if there is one.
     findings
-        What is odd about the source, a line a kind; no errors, or there would be no material.
+        What is odd about the source, a line per kind; no errors, or there would be no material.
     skipped
-        Images that were left out because they are not fit for use; None if nobody asked for that.
+        Images that were left out because they are not fit for use; None if `skip_bad` was not asked for.
     pictures
         Where the recording takes its pictures from; None if there are none.
     cache
         Where descriptions are looked up; None if they are at hand.
     earlier
-        The run whose map goes on: its images are the first of the frames, and source, cut, camera, findings and images
-        left out are those of what follows. None if the map is a new one.
+        The run whose map is continued: its images are the first of the frames, and source, cut, camera, findings and
+        images left out are those of what follows. None if the map is a new one.
     perturbation
         What was changed of the sequence (`datasets.perturbation`); empty if nothing was.
     """
@@ -234,7 +235,7 @@ def opened_after(run: Run, source: Source, cut: Cut | None = None, *, skip_bad: 
     """
     map_ = run.map
     config = described_again(run.config)
-    refused = f"{named(source)} cannot go on from the map of {run.folder}"
+    refused = f"{named(source)} cannot continue from the map of {run.folder}"
     if fault := other_kind(source, config.descriptor):
         raise ResultError(f"{refused}: {fault}")
     with opened(source, config, cut, skip_bad=skip_bad) as material:
@@ -258,7 +259,7 @@ def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
     run
         A run.
     describe
-        Whether images are described. Else they are only held against the run's, and their descriptions are empty: for
+        Whether images are described. Else they are only compared with the run's, and their descriptions are empty: for
         pictures of what nothing can describe any more.
 
     Raises
@@ -277,12 +278,12 @@ def reopened(run: Run, *, describe: bool = True) -> Iterator[Material]:
 def reopened_as(
     manifest: Mapping[str, Any], files: Frames[str], where: str, *, describe: bool = True
 ) -> Iterator[Material]:
-    """Give what a ``run.json`` tells of, exactly as it was; see `reopened`.
+    """Give what a ``run.json`` describes, exactly as it was; see `reopened`.
 
     Parameters
     ----------
     manifest
-        What tells of source, cut, components, imaging, camera and images left out.
+        The content of ``run.json``: source, cut, components, imaging, camera and images left out.
     files
         Names of its images.
     where
@@ -297,7 +298,7 @@ def reopened_as(
 
 
 def _earlier(manifest: Mapping[str, Any], where: str) -> Earlier | None:
-    """Return what a run went on from, None if it did not.
+    """Return what a run continued from, None if it did not.
 
     Raises
     ------
@@ -310,7 +311,7 @@ def _earlier(manifest: Mapping[str, Any], where: str) -> Earlier | None:
     run = open_run(told["run"])
     earlier = Earlier(run, run.map)
     if earlier.map.digest != told["digest"]:
-        raise ResultError(f"{run.folder} has another map now than {where} went on from; replay it again")
+        raise ResultError(f"{run.folder} has another map now than {where} continued from; replay it again")
     return earlier
 
 
@@ -349,7 +350,9 @@ def archive_file(source: Source) -> Path | None:
     text = str(source)
     place, changes = apart(text, OF_PERTURBATION)
     if changes and _is_called_archive(place):
-        raise ConfigError(f"{place} has descriptors, and images alone are perturbed; cut it with --start and --stride")
+        raise ConfigError(
+            f"{place} holds descriptors, and only images can be perturbed; cut it with --start and --stride"
+        )
     place, poses = apart(text, OF_POSES)
     if poses and _is_called_archive(place):
         raise ConfigError(
@@ -378,7 +381,7 @@ def with_poses(
     if (poses, poses_tolerance, poses_interpolate) == (None, None, None):
         return source
     if isinstance(source, Sequence):
-        raise ConfigError("a sequence that is loaded has its poses; give them to omnieval.load")
+        raise ConfigError("a loaded sequence has its poses already; give them to omnieval.load")
     return posed_source(source, poses, poses_tolerance, poses_interpolate)
 
 
@@ -391,7 +394,7 @@ def refuse_descriptor(source: Source, config: Config) -> None:
         If one was.
     """
     if not config.descriptor.is_default and config.descriptor != ARCHIVE:
-        raise ConfigError(f"{source} holds descriptors and is taken as it is; leave the descriptor out")
+        raise ConfigError(f"{source} holds descriptors already; leave the descriptor out")
 
 
 def named(source: Source) -> str:
@@ -443,7 +446,7 @@ def other_images(material: Material, first: DescribedFrame, map_: TopologicalMap
 def other_camera(camera: Mapping[str, Any] | None, of_map: Mapping[str, Any] | None) -> str | None:
     """Say why panoramas of two cameras cannot be compared; None if they can.
 
-    Where the mirror lies is the image's own affair: every sequence has it where its camera was.
+    Where the mirror lies does not matter: it may differ from sequence to sequence.
     """
     if camera is None or of_map is None:
         return None if camera is of_map else "one has images and the other only descriptors; use the same kind"
@@ -540,7 +543,7 @@ def _following(earlier: Earlier, material: Material) -> Material:
     frames = (*_frames_of(map_), *material.frames)
     positions, unposed = None, material.unposed
     if not map_.is_posed:
-        unposed = "the images of the map that goes on have no poses"
+        unposed = "the images of the map that is continued have no poses"
     elif material.positions is not None:
         positions, unposed = np.vstack([map_.xy, material.positions]), why_unposed(frames)
     pictures = material.pictures
@@ -572,7 +575,7 @@ def _described_in(map_: TopologicalMap) -> Iterator[DescribedFrame]:
 
 
 def _pictures_of(run: Run) -> Pictures:
-    """Return the pictures of what a run replayed, which are held against it.
+    """Return the pictures of what a run replayed, which are compared with it.
 
     Raises
     ------
@@ -585,9 +588,11 @@ def _pictures_of(run: Run) -> Pictures:
                 pass
             pictures = material.pictures
     except OmnievalError as error:
-        raise DatasetError(f"the images of {run.folder}, whose map goes on, cannot be shown: {error}") from error
+        raise DatasetError(f"the images of {run.folder}, whose map is continued, cannot be shown: {error}") from error
     if pictures is None:
-        raise DatasetError(f"{run.folder}, whose map goes on, was replayed from descriptors; it has no images to show")
+        raise DatasetError(
+            f"{run.folder}, whose map is continued, was replayed from descriptors; it has no images to show"
+        )
     return pictures
 
 

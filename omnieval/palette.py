@@ -1,4 +1,4 @@
-"""Colours that everybody can tell apart, on light and on dark ground, and the ink that is readable on them.
+"""Colours that people with any colour vision can distinguish, on light and dark ground, and readable text on them.
 
 A node has one colour in the viewer and in reports. It is never known by its colour alone: it also has its number, and
 in reports a shape.
@@ -12,8 +12,8 @@ INK = "#1b1f24"
 MUTED = "#57606a"
 GRID = "#d8dee4"
 PAPER = "#fdfdfe"
-"""Text and lines, lesser ones, grid, and the halo of labels. The page gives these four other values on dark paper, so
-nothing else may be drawn in them."""
+"""Colours of text and lines, of secondary ones, of the grid, and of the halo of labels. The page gives these four other
+values on dark paper, so nothing else may be drawn in them."""
 
 # fmt: off
 NODE_COLORS = (
@@ -36,19 +36,19 @@ CONTROL = "#8b949e"
 
 CIVIDIS = ("#00224e", "#213769", "#434e6c", "#5e656e", "#777b78", "#928f76", "#afa66d", "#ccbb5f", "#e9d24c", "#fee838")
 VIRIDIS = ("#440154", "#482777", "#3f4a8a", "#31678e", "#26838f", "#1f9d8a", "#6cce5a", "#b6de2b", "#fee825")
-"""Dark to light, in even steps for the eye, whoever looks (J. R. Nuñez et al., doi 10.1371/journal.pone.0199239)."""
+"""Dark to light, in even steps for any colour vision (J. R. Nuñez et al., doi 10.1371/journal.pone.0199239)."""
 
 DARK_INK = "#000000"
 LIGHT_INK = "#ffffff"
 
 
 def node_color(node: int) -> str:
-    """Return the colour of a node, always the same; 0 is no node."""
+    """Return the colour of a node, always the same; 0 is not a node."""
     return NODE_COLORS[(node - 1) % len(NODE_COLORS)] if node else UNASSIGNED
 
 
 def node_shape(node: int) -> str:
-    """Return the shape of a node's images, always the same; 0 is no node."""
+    """Return the shape of a node's images, always the same; 0 is not a node."""
     return NODE_SHAPES[(node - 1) % len(NODE_SHAPES)] if node else "cross"
 
 

@@ -1,4 +1,4 @@
-"""The processes that jobs run in: they end with whoever started them, and never answer Ctrl-C themselves."""
+"""The processes that jobs run in: they end when their parent ends, and ignore Ctrl-C, which the parent handles."""
 
 from __future__ import annotations
 

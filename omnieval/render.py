@@ -1,7 +1,7 @@
 """The recording of a run again, from its tables and images.
 
 The tables say what was decided. Only similarity curves, which they do not hold, are computed again, and what leads to
-them is held against the tables; where that cannot be done any more, the recording has none.
+them is compared with the tables; where that cannot be done any more, the recording has none.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from omnieval.material import Material, archive_file, reopened
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.recording import RecordingOptions
 from omnieval.remap import remapped
-from omnieval.results.atomic import is_temporary, replacing
+from omnieval.results.atomic import is_temporary, named, replacing
 from omnieval.results.folder import hold_folder
 from omnieval.results.run_folder import PARTIAL_RECORDING, RECORDING, Run
 from omnieval.results.tables import final_map, read_steps
@@ -27,12 +27,13 @@ def render(
     run: Run,
     options: RecordingOptions | None = None,
     *,
+    out: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Path:
-    """Write the recording of a run anew and return where it is.
+    """Write the recording of a run again and return where it is.
 
-    The one that is there stays as it is until the new one is whole; if that comes to nothing, for ever.
+    One that is there stays as it is until the new one is whole; if that fails, it stays.
 
     Parameters
     ----------
@@ -40,6 +41,8 @@ def render(
         A complete or interrupted run.
     options
         How to record.
+    out
+        The file to write; None for the recording in the folder of the run.
     progress
         Called with (steps done, steps in all).
     note
@@ -52,6 +55,10 @@ def render(
     ResultError
         If it has changed since, the run is still being written, or the recording cannot be written.
     """
+    if out is not None:
+        with replacing(out) as temporary:
+            _render(run, temporary, options or RecordingOptions(), progress, note)
+        return out
     with hold_folder(run.folder):
         with replacing(run.recording) as temporary:
             _render(run, temporary, options or RecordingOptions(), progress, note)
@@ -82,7 +89,7 @@ def _render(
     if sink.lacking:
         raise sink.lacking
     if sink.failure:
-        raise ResultError(f"the recording {run.recording} was not made: {sink.failure}")
+        raise ResultError(f"the recording {named(path)} was not made: {sink.failure}")
 
 
 def _record(
@@ -116,6 +123,6 @@ def _lost(run: Run, kind: str) -> str | None:
 
 
 def _recorded(run: Run, material: Material) -> Iterator[Step]:
-    """Yield the steps of the tables, while the images are held against the fingerprint of the run."""
+    """Yield the steps of the tables, while the images are compared with the fingerprint of the run."""
     for (step, _), _ in zip(read_steps(run.steps, run.method.columns), material.described, strict=False):
         yield step

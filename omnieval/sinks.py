@@ -33,7 +33,7 @@ _Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]
 _MOST_WAITING = 16
 """Steps that wait to be recorded at a time; bounds the memory, and what a viewer lags behind."""
 _PATIENCE_S = 30.0
-"""How long a viewer may take nothing before the replay goes on without the recording: a frozen one never would."""
+"""How long a viewer may not respond before the replay continues without the recording: a frozen one never responds."""
 
 
 class RecordingSink:
@@ -50,7 +50,7 @@ class RecordingSink:
     method
         The mapper: its parameters and the words of its evidence.
     options
-        How much to record, and who watches.
+        How much to record, and which viewer shows it live.
 
     Attributes
     ----------
@@ -124,9 +124,7 @@ class RecordingSink:
             if call.done():  # what it came to, and not our patience
                 raise
             leave_behind()
-            self._left = (
-                f"the viewer is frozen, it took nothing for {self._patience:g} s; `omnieval render` makes the recording"
-            )
+            self._left = f"the viewer has not responded for {self._patience:g} s; `omnieval render` makes the recording"
 
     def _record(self, step: Step, frame: Frame, milliseconds: float, images: Future[StepImages | None]) -> None:
         silhouette = self._silhouette.apply(step) if self._silhouette else None

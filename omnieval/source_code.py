@@ -1,4 +1,4 @@
-"""Source code: which files a module is made of, their digest, and how the module of a file of one's own is loaded."""
+"""Source code: which files a module is made of, their digest, and how the module of a file of your own is loaded."""
 
 from __future__ import annotations
 

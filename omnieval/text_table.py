@@ -57,7 +57,7 @@ def sides(columns: int, rows: Iterable[Sequence[Cell]]) -> str:
 
 
 def aligned(rows: Iterable[Sequence[str]], at: str) -> list[str]:
-    """Return one line a row, with columns two spaces apart.
+    """Return one line per row, with columns two spaces apart.
 
     Parameters
     ----------

@@ -6,6 +6,7 @@ import difflib
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 _LONGEST_NAME = 100
@@ -39,6 +40,17 @@ def did_you_mean(word: str, options: Iterable[str], *, otherwise: str | None = N
     known = list(options)
     nearest = difflib.get_close_matches(word.casefold(), known, n=1)
     return f"did you mean {nearest[0]}?" if nearest else otherwise or f"known are {', '.join(known)}"
+
+
+def near_path(path: Path) -> str:
+    """Return the hint that ends a message about a path that is not there: what in its folder is called alike."""
+    try:
+        names = sorted(
+            shown(one.name) for one in path.parent.iterdir() if not one.name.startswith(".") and one.name != path.name
+        )
+    except OSError:
+        names = []
+    return did_you_mean(path.name, names, otherwise="check the path")
 
 
 def safe_name(text: str) -> str:
@@ -107,7 +119,7 @@ def ordinal(number: int) -> str:
 
 
 def decimals(value: float, places: int = 3) -> str:
-    """Return a number with so many decimals and a true minus sign.
+    """Return a number with this many decimals and a true minus sign.
 
     Examples
     --------

@@ -180,7 +180,7 @@ class TestNames:
     def test_a_component_is_what_it_is_but_only_as_its_own_kind(self) -> None:
         leader = resolve_component("mapper", "leader")
         assert resolve_component("mapper", leader) is leader
-        with pytest.raises(ConfigError, match="leader is no descriptor but a mapper"):
+        with pytest.raises(ConfigError, match="leader is not a descriptor but a mapper"):
             resolve_component("descriptor", leader)
 
     def test_a_name_is_made_of_the_class_where_it_has_none(self) -> None:
@@ -281,7 +281,7 @@ class TestIdentity:
         after = resolve_component("descriptor", f"{source}:Learned")
         assert (before.code, before.settings) == (after.code, after.settings)
         assert before.weights != after.weights
-        with pytest.raises(ResultError, match=r"learned is not what it was \(weights changed\); replay it again"):
+        with pytest.raises(ResultError, match=r"learned has changed since the run \(weights\); replay it again"):
             before.again()
         file.unlink()
         with pytest.raises(ConfigError, match=r"cannot read the weights .*weights\.bin"):
@@ -346,7 +346,7 @@ class TestEditedCode:
             del sys.modules[name]
 
     def test_a_class_without_a_file_is_known_by_its_source_and_by_what_it_uses(self) -> None:
-        """As in a notebook, where what was typed is no file."""
+        """As in a notebook, where what was typed is not a file."""
 
         def typed(helper: str, method: str = "return twice(panorama)") -> Component:
             module = types.ModuleType("a_notebook")
@@ -379,7 +379,7 @@ class TestAgain:
         overwrite(file, SOURCE.format(value=2))
         with pytest.raises(ResultError) as raised:
             component.again()
-        assert str(raised.value) == "the descriptor tiny is not what it was (code changed); replay it again"
+        assert str(raised.value) == "the descriptor tiny has changed since the run (code); replay it again"
 
     def test_a_file_that_is_gone_is_refused_with_a_sentence(self, file: Path) -> None:
         component = resolve_component("descriptor", f"{file}:Tiny")
@@ -400,7 +400,9 @@ class TestAgain:
 
         component = resolve_component("descriptor", Local())
         assert component.again() is component, "while it is at hand"
-        with pytest.raises(ResultError, match="was an object that no file or package names, so it cannot be made"):
+        with pytest.raises(
+            ResultError, match="was an object in memory, not in a file or package, so it cannot be made"
+        ):
             Component.of_run("descriptor", component.about).again()
 
     def test_an_object_that_its_constructor_takes_apart_is_made_with_what_it_had(self) -> None:
@@ -431,11 +433,11 @@ class TestAgain:
         ("no.such.package:Bands", "cannot be imported: ModuleNotFoundError: No module named 'no'"),
         ("no/such/file.py:Bands", "cannot read .*file.py: No such file or directory"),
         (f"{__name__}:Band", f"{__name__} has no Band; did you mean Bands"),
-        (f"{__name__}:GREY", "is no descriptor: a descriptor is a class with a method describe"),
-        (f"{__name__}:Reach", "is no descriptor: a descriptor is a class with a method describe"),
-        (Reach, "is no descriptor: a descriptor is a class with a method describe"),
-        (Reach(), "Reach is no descriptor: a descriptor is a class with a method describe"),
-        (3, "int is no descriptor"),
+        (f"{__name__}:GREY", "is not a descriptor: a descriptor is a class with a method describe"),
+        (f"{__name__}:Reach", "is not a descriptor: a descriptor is a class with a method describe"),
+        (Reach, "is not a descriptor: a descriptor is a class with a method describe"),
+        (Reach(), "Reach is not a descriptor: a descriptor is a class with a method describe"),
+        (3, "int is not a descriptor"),
     ],
 )
 def test_what_is_no_component_is_refused_in_one_line(chosen: Any, message: str) -> None:

@@ -1,4 +1,4 @@
-"""A map that goes on with another sequence, held against one run over both."""
+"""A map that continues with another sequence, compared with one run over both."""
 
 import dataclasses
 import shutil
@@ -28,7 +28,7 @@ def begun(panoramas, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def gone_on(panoramas, begun, tmp_path_factory):
-    """The run that goes on with the second half."""
+    """The run that continues with the second half."""
     out = tmp_path_factory.mktemp("gone-on") / "run"
     return replay(panoramas, start=FIRST, continuing=begun, out=out, recording=False)
 
@@ -114,7 +114,7 @@ def test_without_the_earlier_images_there_are_no_pictures_of_them(panoramas, tmp
     shutil.rmtree(images)
     both = replay(panoramas, start=FIRST, continuing=first, out=tmp_path / "both", recording=True)
     assert both.status == "complete"
-    assert "whose map goes on, cannot be shown" in both.manifest["recording_failure"]
+    assert "whose map is continued, cannot be shown" in both.manifest["recording_failure"]
     with reopened(both) as material:
         assert material.pictures is not None
         assert material.pictures.panorama(FIRST).size
@@ -157,7 +157,7 @@ class TestRefused:
             replay(panoramas, continuing=begun, out=tmp_path / "x", **given)
 
     def test_its_own_folder(self, panoramas, begun):
-        with pytest.raises(ConfigError, match="whose map goes on; choose another --out"):
+        with pytest.raises(ConfigError, match="whose map is continued; choose another --out"):
             replay(panoramas, continuing=begun, out=begun.folder, overwrite=True)
         assert open_run(begun.folder).status == "complete"
 
@@ -177,11 +177,11 @@ class TestRefused:
     def test_a_decision_that_comes_out_otherwise(self):
         step = Step(3, "near", Role.JOINED, 2)
         hold_decision(step, dataclasses.replace(step, measured={"ratio": 0.5}), "runs/a")
-        with pytest.raises(ResultError, match="step 3 of runs/a comes out otherwise now: far became near"):
+        with pytest.raises(ResultError, match="step 3 of runs/a is decided differently now: far became near"):
             hold_decision(step, dataclasses.replace(step, verdict="far"), "runs/a")
-        with pytest.raises(ResultError, match="otherwise"):
+        with pytest.raises(ResultError, match="decided differently"):
             hold_decision(step, dataclasses.replace(step, node=1), "runs/a")
 
     def test_a_case_of_a_check(self, gone_on):
-        with pytest.raises(ConfigError, match="no case can tell"):
+        with pytest.raises(ConfigError, match="which a case cannot describe"):
             Job.of_run(gone_on)

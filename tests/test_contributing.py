@@ -18,7 +18,7 @@ WORKFLOWS = sorted((GITHUB / "workflows").glob("*.yml"))
 FORMS = sorted((GITHUB / "ISSUE_TEMPLATE").glob("[!c]*.yml"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 SHELL = {"if", "rm", "cd", "git", "sed", "gh", "fresh/bin/pip"}
-"""What is no program of Python's, and there on every machine that runs it."""
+"""What is not a program of Python's, and there on every machine that runs it."""
 TOOLS = {"pytest": "pytest", "ruff": "ruff", "mypy": "mypy", "mkdocs": "mkdocs", "lint-imports": "import-linter"}
 """Programs, and the requirement of an extra that brings them."""
 

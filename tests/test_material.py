@@ -37,7 +37,7 @@ def images(panoramas, tmp_path):
 
 @pytest.fixture
 def own(tmp_path):
-    """The file of a descriptor of one's own."""
+    """The file of a descriptor of your own."""
     file = tmp_path / "own.py"
     file.write_text(TINY)
     return file
@@ -185,7 +185,10 @@ def test_a_descriptor_of_ones_own_describes_again(images, own, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda file: file.write_text(TINY.replace("row.mean()", "row.max()")), r"tiny is not what it was \(code"),
+        (
+            lambda file: file.write_text(TINY.replace("row.mean()", "row.max()")),
+            r"tiny has changed since the run \(code",
+        ),
         (lambda file: file.write_text(TINY.replace("Tiny", "Other")), "tiny cannot be made again: .* has no Tiny"),
         (lambda file: file.unlink(), "tiny cannot be made again: .*cannot read"),
     ],
@@ -203,7 +206,7 @@ def test_a_descriptor_that_was_an_object_is_refused_with_a_sentence(images, tmp_
             return omnieval.Description(panorama[:4].mean(axis=1), panorama[:4].mean(axis=1)[None])
 
     run = mapped(images, tmp_path / "run", descriptor=Local())
-    with pytest.raises(ResultError, match="was an object that no file or package names"), reopened(run):
+    with pytest.raises(ResultError, match="was an object in memory, not in a file or package"), reopened(run):
         pass
     with reopened(run, describe=False) as material:  # the pictures are there all the same
         assert len(list(material.described)) == 80

@@ -197,7 +197,7 @@ def test_a_null_value_fails_and_an_update_says_that_it_is_lost(panoramas, refere
     failed = {outcome.metric: outcome.judgement for outcome in found.outcomes if outcome.failed}
     assert {"silhouette", "silhouette_sq", "rooms_ari"} <= set(failed)
     assert set(failed.values()) == {"missing"}
-    assert any("not those the reference was made with" in note for note in found.notes)
+    assert any("not those that the reference was made with" in note for note in found.notes)
     (change,) = update(reference)
     assert any("silhouette has no value any more" in line for line in change_lines(change))
     assert "silhouette" not in read_reference(reference)[0].guards
@@ -227,7 +227,7 @@ def test_a_case_whose_sequence_is_gone_fails(reference, tmp_path):
     assert found.fault is not None
     assert "cannot be replayed" in found.fault
     error = report.failure([found], reference)
-    assert isinstance(error, DatasetError)  # what cannot be read is no regression
+    assert isinstance(error, DatasetError)  # what cannot be read is not a regression
     assert "--update" not in str(error)
 
 
@@ -493,7 +493,7 @@ def test_a_changed_descriptor_fails_with_a_warm_cache_as_with_a_cold_one(referen
     (tmp_path / "own.py").write_text(DESCRIPTOR.format(factor=0))
     (found,) = check(path)
     assert found.parting is not None
-    assert "the code of the descriptor is not that the reference was made with" in found.notes
+    assert "the code of the descriptor has changed since the reference was made" in found.notes
 
 
 FLAGGED = """
@@ -520,7 +520,7 @@ def test_settings_of_any_type_are_kept_and_those_that_cannot_be_said_refused(pan
     assert (found.failed, found.settings) == (False, {})
     before = path.read_bytes()
     selection = Selection(omnieval.configure(mapper="own.py:Flagged", most=None))
-    with pytest.raises(ResultError, match="no words for most None"):
+    with pytest.raises(ResultError, match="a reference cannot hold most None"):
         update(path, [str(panoramas)], selection=selection)
     assert path.read_bytes() == before
 
@@ -536,7 +536,7 @@ def test_an_object_is_not_what_it_calls_itself(reference, panoramas, tmp_path):
     (found,) = check(reference, [str(out)])
     assert isinstance(found.error, RegressionError)
     assert "descriptor hog there, hog (an object) here" in str(found.error)
-    with pytest.raises(ResultError, match="no file or package names"):
+    with pytest.raises(ResultError, match="not in a file or package"):
         update(reference, [str(out)])
     assert reference.read_bytes() == before
 
@@ -574,7 +574,7 @@ def test_a_run_that_no_check_could_replay_is_no_case(panoramas, tmp_path, refere
     file.write_text(MAPPER.format(name="Own"))
     replay(panoramas, mapper=f"{file}:Own", out=tmp_path / "own")
     file.write_text(MAPPER.format(name="Own") + "\n# edited\n")
-    with pytest.raises(ResultError, match="code changed"):
+    with pytest.raises(ResultError, match="has changed since the run"):
         update(reference, [str(tmp_path / "own")])
     assert reference.read_bytes() == before
 
@@ -632,7 +632,7 @@ def test_archives_of_descriptors_are_guarded_too(panoramas, tmp_path):
     assert not check(path)[0].failed
     (change,) = update(path, [archive], selection=Selection(CONFIGURED, Cut(limit=40)))
     assert change.name == "three-map-2"
-    with pytest.raises(ConfigError, match="taken as it is"):
+    with pytest.raises(ConfigError, match="holds descriptors already"):
         update(path, [archive], selection=Selection(omnieval.configure(CONFIG, descriptor="gist")))
     (tmp_path / "three.npz").rename(tmp_path / "gone.npz")
     assert isinstance(report.failure(check(path), path), DatasetError)

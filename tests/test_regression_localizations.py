@@ -93,8 +93,8 @@ def test_a_worse_localisation_fails_with_one_line(reference, tmp_path):
     assert failed.returncode == 4
     (line,) = failed.stderr.splitlines()
     assert line.endswith(
-        f"{reference} does not hold: levels error_mean of again is 0.0000, expected -0.2000 (allowed 0.1); "
-        "if this is meant, accept it with --update"
+        f"{reference} is not met: levels error_mean of again is 0.0000, expected -0.2000 (allowed 0.1); "
+        "if this is intended, accept it with --update"
     )
     assert "worse" in failed.stdout
 
@@ -105,7 +105,7 @@ def test_a_map_that_is_another_is_said_where_a_localisation_is_worse(reference):
     assert list(explanations(again)) == []
     rewritten(reference, 'map_digest = "', 'map_digest = "f')
     (_, again, once_more) = check(reference)
-    assert "is not that the reference was made with" in "".join(explanations(again))
+    assert "has changed since the reference was made" in "".join(explanations(again))
     assert list(explanations(once_more)) == []
 
 

@@ -51,7 +51,7 @@ def test_a_part_of_a_run_is_decided_again_alone(run):
 )
 def test_a_table_that_says_otherwise_is_refused(run, change):
     other = run.steps.with_columns(change)
-    with reopened(run) as material, pytest.raises(ResultError, match=r"step \d+ of there comes out otherwise now"):
+    with reopened(run) as material, pytest.raises(ResultError, match=r"step \d+ of there is decided differently now"):
         list(decided_again(run.config.mapper, other, material, "there"))
 
 

@@ -20,7 +20,7 @@ from omnieval.recording.viewer import check_recording
 from omnieval.render import render
 from omnieval.results.folder import hold_folder
 from omnieval.results.run_folder import open_run
-from tests.cli.test_cli import in_process
+from tests.cli.test_cli import fails, in_process
 from tests.recording.readback import rows_per_entity
 
 CONFIG = {"n_init": 10, "n_new": 10, "gamma": 1.0, "omega": 3.5, "merge_y": 0.5}
@@ -97,7 +97,7 @@ def test_a_recording_made_again_says_what_that_of_the_replay_says(panoramas, tmp
     ("spoil", "error", "match"),
     [
         (rename, ResultError, r"step \d+ of .* is of image20\.png"),
-        (replace_one, ResultError, "are not those that|comes out otherwise now"),
+        (replace_one, ResultError, "are not those that|is decided differently now"),
         (lose_the_last, ResultError, r"is of image40\.png, .* has nothing there"),
         (cut_one_off, DatasetError, r"image20\.png"),
         (shutil.rmtree, DatasetError, "images"),
@@ -213,7 +213,7 @@ def test_a_descriptor_whose_code_was_changed_is_not_the_one_of_the_run(images, t
     file.write_text(COLUMNS)
     run = recorded(images, tmp_path, descriptor=f"{file}:Columns")
     file.write_text(COLUMNS.replace("np.sort(means)", "means"))
-    assert "code changed" in without_curves(run)
+    assert "has changed since the run (code)" in without_curves(run)
 
 
 def test_a_mapper_that_is_gone_costs_the_curves_and_this_is_said(images, tmp_path):
@@ -224,6 +224,18 @@ def test_a_mapper_that_is_gone_costs_the_curves_and_this_is_said(images, tmp_pat
     assert "the mapper gone was an object" in without_curves(run)
     replace_one(images)
     stays(run, ResultError, "are not those that")
+
+
+def test_the_command_writes_elsewhere_and_leaves_the_run_as_it_is(run, tmp_path):
+    before = {path: path.stat().st_mtime_ns for path in run.folder.iterdir()}
+    small = ("render", run.folder, "--no-images", "--out", "small.rrd")
+    done = in_process(*small, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "small.rrd\n")
+    assert check_recording(tmp_path / "small.rrd") == LIMIT
+    assert (tmp_path / "small.rrd").stat().st_size < run.recording.stat().st_size
+    fails(in_process(*small, cwd=tmp_path), 2, "small.rrd exists; choose another --out or pass --overwrite")
+    assert in_process(*small, "--overwrite", cwd=tmp_path).returncode == 0
+    assert {path: path.stat().st_mtime_ns for path in run.folder.iterdir()} == before
 
 
 def test_the_command_says_what_is_missing_beside_what_it_made(images, tmp_path):

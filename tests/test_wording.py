@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnieval.wording import did_you_mean, safe_name, shown
+from omnieval.wording import did_you_mean, near_path, safe_name, shown
 
 
 @given(st.text())
@@ -41,3 +41,10 @@ def test_of_a_long_name_the_middle_is_left_out():
 def test_a_hint_names_the_nearest_or_all():
     assert did_you_mean("Nihgt", ["cloudy", "night"]) == "did you mean night?"
     assert did_you_mean("zzz", ["cloudy", "night"]) == "known are cloudy, night"
+
+
+def test_a_path_that_is_not_there_is_helped_by_what_is_called_alike(tmp_path):
+    (tmp_path / "replay.rrd").touch()
+    (tmp_path / ".replay.rd").touch()
+    assert near_path(tmp_path / "replay.rd") == "did you mean replay.rrd?"
+    assert near_path(tmp_path / "zzz") == near_path(tmp_path / "none" / "replay.rd") == "check the path"

@@ -1,4 +1,4 @@
-"""A descriptor of one's own, set by name: ``--descriptor docs/examples/bands.py:Bands --set bands.rows=16``."""
+"""A descriptor of your own, set by name: ``--descriptor docs/examples/bands.py:Bands --set bands.rows=16``."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""A descriptor and a mapper of one's own, checked against their contracts and judged like omnieval's.
+"""A descriptor and a mapper of your own, checked against their contracts and judged like omnieval's.
 
     python docs/examples/own_descriptor_and_mapper.py [SOURCE] [LIMIT]
 

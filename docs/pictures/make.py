@@ -28,9 +28,15 @@ TITLE_BAR = 36
 BUDGET = 150_000
 """Bytes of a picture, so that the repository stays small."""
 
+LOST, OTHER_BUILDING = 300, 1000
+"""A step of the localisation by night, and one of the replay of building 4 by night."""
+
 FIGURES = {
     "cloudy": {"map": "report-map", "batch": "report-batch", "similarity": "report-similarity"},
     "night": {"sweep-hog": "report-sweep"},
+    "building-4": {"map": "report-map-4"},
+    "found": {"cumulative": "report-cumulative"},
+    "three-mappers": {"methods": "report-methods", "ranks": "report-ranks"},
 }
 """Of each report: which figure becomes which picture."""
 
@@ -48,7 +54,8 @@ def main() -> None:
 
 def make(work: Path) -> None:
     """Make every picture, from runs in a folder."""
-    cloudy, loose = work / "runs" / "synthetic-cloudy-hog", work / "runs" / "omega-2.6"
+    runs = work / "runs"
+    cloudy, loose = runs / "synthetic-cloudy-hog", runs / "omega-2.6"
     prepare(work)
     write_text("explained.txt", omnieval(work, "explain", "runs/synthetic-cloudy-hog", str(REFUSED)))
     write_screenshot("viewer-closed.jpg", [cloudy / "replay.rrd"], CLOSED)
@@ -56,6 +63,8 @@ def make(work: Path) -> None:
     both = work / "both.rrd"
     omnieval(work, "diff", cloudy.relative_to(work), loose.relative_to(work), "--rrd", both.name, "--overwrite")
     write_screenshot("viewer-two-runs.jpg", [both], REFUSED)
+    write_screenshot("viewer-building-4.jpg", [runs / "building-4" / "replay.rrd"], OTHER_BUILDING)
+    write_screenshot("viewer-localized.jpg", [runs / "found" / "localization.rrd"], LOST)
     for report, figures in FIGURES.items():
         for figure, picture in figures.items():
             source = next((work / report / "figures").glob(f"*-{figure}*.png"))
@@ -64,15 +73,22 @@ def make(work: Path) -> None:
 
 def prepare(work: Path) -> None:
     """Run what the pictures show, unless it is there."""
-    runs = work / "runs"
-    if not (runs / "synthetic-cloudy-hog").exists():
-        omnieval(work, "replay")
-    if not (runs / "omega-2.6").exists():
-        omnieval(work, "replay", "--set", "omega=2.6", "--no-images", "--out", "runs/omega-2.6")
-    if not (runs / "night").exists():
-        omnieval(work, "ablate", "synthetic:night", "--preset", "figures-9-10", "--out", "runs/night")
-    omnieval(work, "report", "runs/synthetic-cloudy-hog", "--out", "cloudy", "--overwrite")
-    omnieval(work, "report", "runs/night", "--out", "night", "--overwrite")
+    buildings = [f"synthetic:{light}:{number}" for number in (2, 3, 4, 5, 6) for light in ("cloudy", "night")]
+    for name, command in {
+        "synthetic-cloudy-hog": ["replay"],
+        "omega-2.6": ["replay", "--set", "omega=2.6", "--no-images"],
+        "night": ["ablate", "synthetic:night", "--preset", "figures-9-10"],
+        "building-4": ["replay", "synthetic:night:4"],
+        "found": ["localize", "runs/synthetic-cloudy-hog", "synthetic:night"],
+        "three-mappers": ["ablate", *buildings, "--mapper", "roman2020,geodesic,leader"],
+    }.items():
+        if not (work / "runs" / name).exists():
+            omnieval(work, *command, "--out", f"runs/{name}")
+    if not (work / "runs" / "found" / "localization.rrd").exists():
+        omnieval(work, "render", "runs/found", "--every", "10")
+    for report in FIGURES:
+        run = "synthetic-cloudy-hog" if report == "cloudy" else report
+        omnieval(work, "report", f"runs/{run}", "--out", report, "--overwrite")
 
 
 def omnieval(work: Path, *arguments: str | Path) -> str:

@@ -1,1 +1,1 @@
-"""Sweeps of parameters: one replay a point of a grid, one row a replay."""
+"""Sweeps of parameters: one replay per point of a grid, one row per replay."""

@@ -24,9 +24,9 @@ from omnieval.material import ARCHIVE
 COMPONENTS = tuple(reversed(BUILT_IN))
 """Axes of components, which are varied before parameters."""
 MOST_VALUES = 1000
-"""Values of one range; more is a slip of the step."""
+"""Most values of one range; more come from a mistake in the step."""
 _ROUNDING = Decimal("1e-9")
-"""By how much of a step the end of a range may be missed."""
+"""Tolerance for the end of a range, as a share of a step."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def make_axis(name: str, values: Any, origin: str) -> Axis:
         If there is no value, or a range is not understood.
     """
     given = (values,) if isinstance(values, str) or not isinstance(values, Iterable) else tuple(values)
-    apart = _listed if name in COMPONENTS else _spread  # the colon of module:Class is no range
+    apart = _listed if name in COMPONENTS else _spread  # the colon of module:Class is not a range
     spread = tuple(value for one in given for value in (apart(one, origin) if isinstance(one, str) else (one,)))
     if not spread or "" in spread:
         raise ConfigError(f"{name}: an axis needs values, for example 1.7:2.3:0.15 or 20,30 ({origin})")
@@ -179,7 +179,7 @@ def value_of(config: Config, name: str) -> Any:
 
 
 def column_of(config: Config, name: str) -> str | None:
-    """Return the name that the table has for an axis; None if it is no parameter of the configuration."""
+    """Return the name that the table has for an axis; None if it is not a parameter of the configuration."""
     return name if name in COMPONENTS else full_name(name, *components(config))
 
 
@@ -211,11 +211,11 @@ class _Grid:
         configs = [resolve([*fixed, *point], preset=preset, **self.components) for point in points]
         twice = [axis for axis in axes if len({value_of(config, axis.name) for config in configs}) < len(axis.values)]
         if twice:
-            raise ConfigError("; ".join(f"{axis.name}: a value stands there twice ({axis.origin})" for axis in twice))
+            raise ConfigError("; ".join(f"{axis.name}: a value is given twice ({axis.origin})" for axis in twice))
         return configs
 
     def faults(self, grids: Sequence[_Grid]) -> list[str]:
-        """Return what is wrong for these components; what others of the grids have is no fault."""
+        """Return what is wrong for these components; what others of the grids have is not a fault."""
         given = [*self.settings]
         for axis in self.axes:
             given += [Setting(axis.name, value, axis.origin) for value in axis.values]
@@ -246,7 +246,7 @@ class _Grid:
         return []
 
     def _fault_of_span(self, exact: Span) -> list[str]:
-        """See that the values of the parameter part an interval: only those that enter through comparisons do."""
+        """Refuse a parameter whose values do not divide an interval: it must enter decisions by comparisons only."""
         mapper: Component = resolve(**self.components).mapper
         swept = mapper.cls.swept if issubclass(mapper.cls, BranchingMapper) else ()
         fields = parameters(everything=False, **self.components)
@@ -307,10 +307,12 @@ def _clashes(
     names = [full(one.name) for one in varied]
     fixed = {full(setting.name): setting.origin for setting in settings}
     twice = [
-        f"{name} is varied twice; give all its values at once" for name in dict.fromkeys(names) if names.count(name) > 1
+        f"{name} is varied twice; give all its values in one option"
+        for name in dict.fromkeys(names)
+        if names.count(name) > 1
     ]
     again = [
-        f"{axis.name}: a value stands there twice ({axis.origin})"
+        f"{axis.name}: a value is given twice ({axis.origin})"
         for axis in axes
         if axis.name in COMPONENTS and len(set(map(str, axis.values))) < len(axis.values)
     ]

@@ -40,13 +40,13 @@ class Input:
     given
         What to open: a sequence that is cut already, or the file of an archive.
     skipped
-        Images that were left out because they are not fit for use; None if nobody asked for that.
+        Images that were left out because they are not fit for use; None if `skip_bad` was not asked for.
     perturbation
         What was changed of the sequence (`datasets.perturbation`); empty if nothing was.
     replicate
         The number of the perturbation among those drawn; None if none were.
     in_map
-        In whose map its images are looked for besides; None if in none.
+        The map of which other input its images are also looked for in; None if of none.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Job:
 
     @property
     def about(self) -> dict[str, Any]:
-        """The components as ``run.json`` of a run tells of them."""
+        """The components as ``run.json`` of a run describes them."""
         mapper, descriptor = self.config.mapper, self.config.descriptor
         method = Method.of(mapper.given or mapper.cls, mapper.name, mapper.settings)
         return {

@@ -80,7 +80,7 @@ def make_plan(
     tune_on
         Sources that parameters are chosen on; run as well if they are not among `sources`.
     localize
-        In the map of which source the images of another are looked for besides, both among the sources.
+        By source: the source in whose map its images are also looked for; both must be among the sources.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def make_plan(
             own = [one for one in own if one.source not in {other.source for other in inputs}]
         inputs += own
     if tune_on and not faults and all(apart(one.source, OF_PERTURBATION)[0] in tuned_on for one in inputs):
-        raise ConfigError("--tune-on names all sequences; name others too, to be judged on")
+        raise ConfigError("--tune-on names all sequences; name others too, on which to judge")
     inputs = _in_maps(inputs, localize or {})
     if misfits := [*_twice(inputs), *_too_short(inputs, configs)]:
         raise ConfigError("; ".join([*misfits, *map(str, faults)]))
@@ -135,7 +135,7 @@ def _in_maps(inputs: Sequence[Input], localize: Mapping[str, str]) -> list[Input
     known = {(_bare(one), one.replicate): one for one in inputs}
     for source in dict.fromkeys([*pairs, *pairs.values()]):
         if source not in {bare for bare, _ in known}:
-            raise ConfigError(f"{source} is to be localised, or localised in, and is not among the sequences")
+            raise ConfigError(f"{source} is needed for localisation, and is not among the sequences")
     return [
         replace(one, in_map=known[pairs[bare], one.replicate]) if (bare := _bare(one)) in pairs else one
         for one in inputs
@@ -153,10 +153,10 @@ def _inputs(
     if not perturbations:
         return [_input(source, configs, cut, skip_bad=skip_bad)]
     if archive_file(source) is not None:
-        raise ConfigError(f"{source} has descriptors, and images alone are perturbed; leave --perturb out")
+        raise ConfigError(f"{source} holds descriptors, and only images can be perturbed; leave --perturb out")
     whole = source if isinstance(source, ImageSequence) else load(source)
     if whole.perturbation:
-        raise ConfigError(f"{whole.source} is perturbed already; name it without that, or leave --perturb out")
+        raise ConfigError(f"{whole.source} is perturbed already; leave that out of its name, or leave --perturb out")
     return [
         replace(_input(one.applied(whole), configs, cut, skip_bad=skip_bad), replicate=number)
         for number, one in enumerate(perturbations)
@@ -192,7 +192,7 @@ def _of_input(one: Input, configs: Sequence[Config]) -> list[Config]:
         return list(configs)
     own = [replace(config, descriptor=ARCHIVE, imaging=ImagingConfig()) for config in configs]
     if any(config in own[:number] for number, config in enumerate(own)):
-        raise ConfigError(f"{one.source} holds descriptors and is taken as it is; vary parameters of the mapper alone")
+        raise ConfigError(f"{one.source} holds descriptors already; vary only parameters of the mapper")
     return own
 
 

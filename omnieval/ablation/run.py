@@ -1,4 +1,4 @@
-"""The driver of an ablation: describe once, run the jobs, keep each row as it comes, and put the table together."""
+"""Runs an ablation: describes the images once, runs the jobs, saves each row when it is done, and writes the table."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def ablate(
     fail_fast: bool = False,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Replay sequences at every point of a grid and return one row a run (`schemas.ablation_schema`).
+    """Replay sequences at every point of a grid and return one row per run (`schemas.ablation_schema`).
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def ablate(
     tune_on, tune_by
         Choose parameters on these sources by this metric, and judge them on the others.
     localize
-        In the map of which source the images of another are looked for besides.
+        By source: the source in whose map its images are also looked for.
     jobs, out, resume, overwrite, csv, keep_steps, record_best, fail_fast, progress
         See `run_plan`.
 
@@ -212,7 +212,7 @@ def run_plan(
     out
         Folder to write; default ``runs/ablation[-<n>]``.
     resume
-        Go on with the ablation in `out`: rows that are there are kept, failed jobs are run again. If none was started
+        Continue the ablation in `out`: rows that are there are kept, failed jobs are run again. If none was started
         there, it is started.
     overwrite
         Replace an earlier ablation in `out`.
@@ -284,9 +284,9 @@ def check_options(
     if jobs < 1:
         raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
     if exact and keep:
-        raise ConfigError("--exact makes no single runs, so there is none to record and no decision trace to keep")
+        raise ConfigError("--exact makes no single runs, so there is nothing to record and no decision trace to keep")
     if resume and (out is None or overwrite):
-        raise ConfigError("--resume goes on with the ablation in --out; name it, and leave --overwrite out")
+        raise ConfigError("--resume continues the ablation in --out; name it, and leave --overwrite out")
 
 
 def guard_of(plan: Plan, *, keep_steps: bool) -> dict[str, Any]:
@@ -330,12 +330,12 @@ def check_tuning(plan: Plan, tune_by: str) -> None:
     if tune_by not in BY_NAME:
         raise ConfigError(f"--tune-by: there is no metric {tune_by}; {did_you_mean(tune_by, BY_NAME)}")
     if BY_NAME[tune_by].better is None:
-        raise ConfigError(f"--tune-by: of {tune_by} neither way is better; take for example pair_f1")
+        raise ConfigError(f"--tune-by: {tune_by} has no better direction; choose another metric, for example pair_f1")
 
 
 @dataclass(frozen=True)
 class _Work:
-    """A plan that is being run: its jobs, those that are done, and where their rows go."""
+    """A plan while it runs: its jobs, those that are done, and the folder for their rows."""
 
     plan: Plan
     store: Store
@@ -423,7 +423,7 @@ class _Work:
 def _sent(job: Job) -> Job:
     """Return a job as a process gets it: no object goes along, which may hold what cannot.
 
-    Its images are described already, and its mapper is made anew of its class and settings.
+    Its images are described already, and its mapper is made again of its class and settings.
     """
     mapper, descriptor = job.config.mapper, replace(job.config.descriptor, given=None)
     if mapper.spec is not None:
@@ -453,7 +453,7 @@ def _batch(pool: Executor, described: Described, ks: list[int], seed: int) -> Fu
 
 def _why(error: BaseException) -> str:
     if isinstance(error, BrokenExecutor):
-        return "a worker process was killed, perhaps for want of memory"
+        return "a worker process was killed, perhaps for lack of memory"
     return reason_of(error)
 
 

@@ -38,14 +38,14 @@ CSV = "ablation.csv"
 PAGE = "benchmark.md"
 _PARTS = "parts"
 _ALWAYS = {"job", "dataset", "source", "mapper", "descriptor", "seconds", "error"}
-"""Columns that every row has, whatever came of it."""
+"""Columns that every row has, whether its job succeeded or failed."""
 _STEPS = "steps"
 _DESCRIPTORS = "descriptors"
 BEST = "best"
 
 
 class Store:
-    """Where rows arrive, in any order.
+    """Stores rows, which arrive in any order.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Store:
         overwrite
             Replace an earlier ablation.
         resume
-            Keep its parts and go on with it; `check` tells whether it is the same.
+            Keep its parts and continue with it; `check` tells whether it is the same.
         """
         files = [TABLE, CSV, PAGE]
         if not resume:
@@ -75,7 +75,7 @@ class Store:
         return ResultFolder(self.folder, KIND, content, files=files, overwrite=overwrite, resume=resume)
 
     def check(self, content: Mapping[str, Any]) -> None:
-        """See that the ablation in the folder is the one to go on with, as far as `content` tells.
+        """See that the ablation in the folder is the one to continue with, as far as `content` tells.
 
         Raises
         ------

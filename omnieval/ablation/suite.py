@@ -35,7 +35,7 @@ def benchmark_pairs(sources: Sequence[str]) -> dict[str, str]:
 
 
 def benchmark_axes(axes: Sequence[Axis]) -> list[Axis]:
-    """Return all registered mappers and both built-in descriptors, joined by those that were asked for."""
+    """Return all registered mappers and both built-in descriptors, and those that were asked for."""
     asked = {axis.name: axis for axis in axes}
     ours = {"mapper": known("mapper"), "descriptor": _DESCRIPTORS}
     found = []

@@ -1,4 +1,4 @@
-"""What a sweep comes to: best and median of each sequence, mapper and descriptor, or the pieces of an interval."""
+"""The results of a sweep: best and median of each sequence, mapper and descriptor, or the pieces of an interval."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def tuned(table: pl.DataFrame, varied: Sequence[str], tuned_on: Sequence[str], m
 
     Returns
     -------
-    One row a mapper, descriptor and sequence: the parameters chosen, whether the sequence was chosen on (`tuned`) or
+    One row per mapper, descriptor and sequence: the parameters chosen, whether the sequence was chosen on (`tuned`) or
     judged on (`judged`), the metric (mean over replicates), the best of the grid on that sequence (`best_there`, picked
     with hindsight), and the runs and failures of the chosen ones.
     """
@@ -111,7 +111,7 @@ def tuned(table: pl.DataFrame, varied: Sequence[str], tuned_on: Sequence[str], m
 
 
 def best_and_median(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
-    """Return one row a sequence, mapper and descriptor: the run with the highest silhouette, and the median of all.
+    """Return one row per sequence, mapper and descriptor: the run with the highest silhouette, and the median of all.
 
     Where there are replicates, a run is the mean over them.
 
@@ -156,7 +156,7 @@ def pieces(table: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
     table
         Rows of `schemas.ablation_schema` with `exact`.
     varied
-        The parameters that are varied besides.
+        The other parameters that are varied.
     """
     named = [name for name in varied if name not in _BY]
     shown = ("exact", "exact_from", "exact_to", "nodes", "silhouette", "share_assigned", "share_forced")

@@ -32,10 +32,10 @@ from omnieval.results.tables import step_row, steps_frame, with_final_map
 from omnieval.source_code import digest_of
 
 _Mapped = tuple[str, FinalMap, NDArray[np.int64], float]
-"""Whose map, the map, the node of each image after its own step, and the seconds."""
+"""Which job's map it is, the map, the node of each image after its own step, and the seconds."""
 
 LARGEST = 64
-"""Jobs of one tree, so that a kill loses no more than these; sharing among more saves little."""
+"""Most jobs of one tree: if a process is killed, no more than these are lost; sharing among more saves little."""
 
 
 def plant(jobs: Sequence[Job], keys: Sequence[str], processes: int) -> list[list[Job]]:
@@ -80,7 +80,7 @@ def grow(
     steps_files
         Where to keep decision traces (`schemas.steps_schema`), by job.
     in_map
-        Images in whose map theirs are looked for besides; None if in none.
+        Images in whose map theirs are also looked for; None if there are none.
     """
     with threadpool_limits(1):  # so that nothing depends on how many jobs run beside this one
         try:
@@ -94,7 +94,7 @@ def grow(
 
 
 def _with_found(row: dict[str, Any], jobs: Sequence[Job], described: Described, in_map: Described) -> dict[str, Any]:
-    """Return the row of a job with what comes of looking for its images in the map of others."""
+    """Return the row of a job with the metrics of looking for its images in the map of others."""
     if row["error"] is not None:
         return row
     from omnieval.ablation.finding import found_in
@@ -163,7 +163,7 @@ def _key(job: Job) -> str:
 
 
 def _swept(of: Mapping[str, Job], traces: _Traces) -> Iterator[_Mapped]:
-    """Map with many settings of one mapper, in a tree; yield what each came to, and the seconds it took."""
+    """Map with many settings of one mapper, in a tree; yield the final map of each, and the seconds it took."""
     mapper = next(iter(of.values())).config.mapper.cls
     settings = {key: job.config.mapper.typed_settings for key, job in of.items()}
     keys = {id(one): key for key, one in settings.items()}

@@ -1,1 +1,1 @@
-"""Reference partitions to hold a map against."""
+"""Reference partitions to compare a map with."""

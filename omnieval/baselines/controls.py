@@ -1,4 +1,4 @@
-"""Control partitions: what a map is worth that knows nothing of places, or all of them."""
+"""Control partitions: one that knows nothing of places, and one that knows their true positions."""
 
 from __future__ import annotations
 

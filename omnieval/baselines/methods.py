@@ -35,7 +35,7 @@ class Images:
     rooms
         Room labels, length n, None where there is none.
     unposed
-        Which positions are not known, and why; None if all are, or for want of any pose.
+        Which positions are not known, and why; None if all are, or for lack of any pose.
     """
 
     source: str
@@ -47,7 +47,7 @@ class Images:
 
 @dataclass(frozen=True)
 class Method:
-    """One way to part a sequence into places.
+    """One way to divide a sequence into places.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""An incremental clustering from elsewhere, to hold the incremental mapping method against."""
+"""An incremental clustering method by others, to compare the incremental mapping method with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: one thin file a command; this one assembles them and turns errors into exit codes."""
+"""The command line: one thin file per command; this one assembles them and turns errors into exit codes."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ app = typer.Typer(
 )
 app.command("replay", rich_help_panel=RUN, short_help="Replay a sequence into a run folder.")(replay.replay)
 app.command("map", rich_help_panel=RUN, short_help="Map descriptors from anywhere.")(map_descriptors.map_descriptors)
-app.command("ablate", rich_help_panel=RUN, short_help="Sweep parameters: one row a run.")(ablate.ablate)
+app.command("ablate", rich_help_panel=RUN, short_help="Sweep parameters: one row per run.")(ablate.ablate)
 app.command("localize", rich_help_panel=RUN, short_help="Find other images in a run's map.")(localize.localize)
 app.command("view", rich_help_panel=LOOK, short_help="Open runs in the Rerun viewer.")(view.view)
 app.command("explain", rich_help_panel=LOOK, short_help="Explain one decision.")(explain.explain)
@@ -64,7 +64,7 @@ app.command("report", rich_help_panel=JUDGE, short_help="Draw figures and tables
 app.command("baseline", rich_help_panel=JUDGE, short_help="Cluster by other methods, same metrics.")(baseline.baseline)
 app.command("check", rich_help_panel=JUDGE, short_help="Guard results against a reference.")(check.check)
 app.command("compare", rich_help_panel=COMPARE, short_help="Show runs in one table.")(compare.compare)
-app.command("diff", rich_help_panel=COMPARE, short_help="Show where two runs part, and why.")(diff.diff)
+app.command("diff", rich_help_panel=COMPARE, short_help="Show where two runs differ, and why.")(diff.diff)
 app.add_typer(dataset.app, name="dataset", rich_help_panel=DATA)
 app.add_typer(cache.app, name="cache", rich_help_panel=DATA)
 app.command("describe", rich_help_panel=DATA, short_help="Write descriptors as a NumPy archive.")(describe.describe)

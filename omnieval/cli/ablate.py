@@ -29,20 +29,24 @@ def ablate(
         list[str] | None,
         typer.Option(
             "--vary",
-            help="An axis, e.g. omega=1.7:2.3:0.15 or covariance=diagonal,pinv; repeatable.",
+            help="A parameter and its values, e.g. omega=1.7:2.3:0.15 or covariance=diagonal,pinv; repeatable.",
             metavar="NAME=VALUES",
         ),
     ] = None,
     axes: Annotated[
         list[Path] | None,
-        typer.Option("--axes", help="TOML file of axes, NAME = [..] or 'a:b:step'; repeatable.", metavar="FILE.toml"),
+        typer.Option(
+            "--axes",
+            help="TOML file of parameters and their values, NAME = [..] or 'a:b:step'; repeatable.",
+            metavar="FILE.toml",
+        ),
     ] = None,
     exact: Annotated[
         str | None,
         typer.Option(
             "--exact",
-            help="All values of a threshold of the mapper in an interval, e.g. merge_y=0.5:3: one row for every piece "
-            "on which the map is the same.",
+            help="Find every value of a threshold in an interval at which the map changes, e.g. merge_y=0.5:3: one row "
+            "for each piece of the interval, which has the same map throughout.",
             metavar="NAME=FIRST:LAST",
         ),
     ] = None,
@@ -60,7 +64,7 @@ def ablate(
         typer.Option(
             help="Axes of an experiment of the paper (figures-9-10, table-2, table-3), named parameters of the mapper "
             "(recommended, paper-literal), or one of each; or benchmark: all mappers and descriptors on the synthetic "
-            "buildings 2 to 6, joined by those of --mapper and --descriptor.",
+            "buildings 2 to 6, and those of --mapper and --descriptor as well.",
             metavar="NAME",
         ),
     ] = None,
@@ -83,29 +87,32 @@ def ablate(
         ),
     ] = None,
     replicates: Annotated[
-        int | None, typer.Option(min=1, help="How many perturbations of every sequence.", metavar="N")
+        int | None, typer.Option(min=1, help="How many random variants of every sequence.", metavar="N")
     ] = None,
     tune_on: Annotated[
         list[str] | None,
         typer.Option(
             "--tune-on",
-            help="Choose parameters on these sequences and judge on the others; repeatable, or with commas between.",
+            help="Choose the best parameters on these sequences, and judge them on the others; repeatable, or "
+            "separated by commas.",
             metavar="SOURCES",
         ),
     ] = None,
     tune_by: Annotated[
-        str, typer.Option("--tune-by", help="Metric that parameters are chosen by.", metavar="METRIC")
+        str, typer.Option("--tune-by", help="Metric by which --tune-on chooses.", metavar="METRIC")
     ] = "silhouette",
-    jobs: Annotated[int, typer.Option(help="Processes; the table does not depend on it.", metavar="N")] = 1,
+    jobs: Annotated[
+        int, typer.Option(help="Number of processes; the table is the same for any number.", metavar="N")
+    ] = 1,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write; default runs/ablation[-<n>].", metavar="DIR")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the ablation in --out.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the ablation in --out.")] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an earlier ablation in the same folder.")
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="List the jobs, which are done and why the others are not; run none.")
+        bool, typer.Option("--dry-run", help="List the jobs and whether each is done, and run none.")
     ] = False,
     keep_steps: Annotated[bool, typer.Option("--keep-steps", help="Keep the decision trace of every run.")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first job that fails.")] = False,
@@ -115,7 +122,7 @@ def ablate(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Replay sequences at every point of a grid of parameters: one row a run.
+    """Replay sequences at every point of a grid of parameters: one row per run.
 
     Writes ablation.parquet and prints the best and the median of each sequence, mapper and descriptor. Exits with 5 if
     a job failed; its row says why.
@@ -144,7 +151,7 @@ def ablate(
     from omnieval.errors import ConfigError
 
     if rrd not in {None, "best"}:
-        raise ConfigError(f"--rrd {rrd!r}: only best can be recorded")
+        raise ConfigError(f"--rrd {rrd!r}: the only choice is best")
     span = parse_span(exact) if exact else None
     check_options(span, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
     chosen = {"mapper": mapper, "descriptor": descriptor}
@@ -313,7 +320,7 @@ def _print_jobs(plan: Plan, out: Path | None, *, keep_steps: bool, json: bool) -
 
 
 def _print(ablation: Ablation, plan: Plan, *, json: bool) -> None:
-    """Print what an ablation came to."""
+    """Print the results of an ablation."""
     from omnieval.ablation.summary import best_and_median, pieces
     from omnieval.cli.console import note, print_json, print_table
 
@@ -329,7 +336,7 @@ def _print(ablation: Ablation, plan: Plan, *, json: bool) -> None:
             print()
             print_table(ablation.tuned)
     if ablation.tuned is not None and ablation.tuned.is_empty():
-        note("no parameters were chosen: on the sequences of --tune-on no run has a value of --tune-by every time")
+        note("no parameters were chosen: no setting has a value of --tune-by in all of its runs on --tune-on")
     if ablation.lacking:
         note(f"batch_silhouette is missing where it could not be computed: {ablation.lacking}; --resume tries it again")
     if ablation.failed:

@@ -1,4 +1,4 @@
-"""``omnieval baseline``: batch and control partitions, judged like a map."""
+"""``omnieval baseline``: batch and control methods, judged like a map."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def baseline(
         ),
     ] = "spectral",
     similarity: Annotated[
-        str | None, typer.Option(help="Of spectral: gaussian-median (default), local-scaling or knn.", metavar="NAME")
+        str | None, typer.Option(help="For spectral: gaussian-median (default), local-scaling or knn.", metavar="NAME")
     ] = None,
     k: Annotated[
-        str | None, typer.Option("--k", help="Numbers of clusters: 2:40 (default), 5,9,20 or 7.", metavar="KS")
+        str | None, typer.Option("--k", help="Numbers of clusters, e.g. 2:40 (default), 5,9,20 or 7.", metavar="KS")
     ] = None,
     at_k_of: Annotated[
-        Path | None, typer.Option("--at-k-of", help="As many clusters as this run has nodes.", metavar="RUN")
+        Path | None, typer.Option("--at-k-of", help="Use as many clusters as this run has nodes.", metavar="RUN")
     ] = None,
     set_: options.Set = None,
     config: options.ConfigFile = None,
@@ -59,9 +59,9 @@ def baseline(
     ] = False,
     json: options.Json = False,
 ) -> None:
-    """Part a sequence by a batch or control method and judge it with the metrics of a replay.
+    """Divide a sequence by a batch or control method, and judge the result by the metrics of a replay.
 
-    Writes baseline.parquet, one row a number of clusters, and prints it.
+    Writes baseline.parquet, one row per number of clusters, and prints it.
 
     Examples:
 

@@ -1,4 +1,4 @@
-"""``omnieval check``: replays against a committed reference."""
+"""``omnieval check``: replays compared with a committed reference."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def check(
         ),
     ] = None,
     update: Annotated[
-        bool, typer.Option("--update", help="Accept what is found: rewrite the reference, or make it.")
+        bool, typer.Option("--update", help="Accept the present results: update the reference, or create it.")
     ] = False,
     intervals: Annotated[
         bool,
@@ -49,7 +49,9 @@ def check(
     stride: options.Stride = 1,
     limit: options.Limit = None,
     skip_bad: options.SkipBad = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes; what is found does not depend on it.", metavar="N")] = 1,
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Number of processes; the results are the same for any number.", metavar="N")
+    ] = 1,
     junit: Annotated[Path | None, typer.Option(help="Also write JUnit XML.", metavar="FILE.xml")] = None,
     json: options.Json = False,
 ) -> None:
@@ -59,8 +61,8 @@ def check(
 
     Exits with 4 and a table of expected, got and difference if a guarded value is worse by more than its tolerance,
     outside its range, or missing; if the whole 95 % interval of a replay is worse than a guarded one; and if there is
-    no reference or no case to compare with. A better value passes. A case that cannot be replayed is no regression: 3
-    if its images cannot be read, 2 if its components or parameters are not there. Components, parameters and cuts
+    no reference or no case to compare with. A better value passes. A case that cannot be replayed is not a regression:
+    3 if its images cannot be read, 2 if its components or parameters are not there. Components, parameters and cuts
     select among the cases of a SOURCE, or with --update add one.
 
     Examples:
@@ -130,7 +132,7 @@ def _check_junit(junit: Path, *, update: bool) -> None:
     from omnieval.errors import ConfigError
 
     if update:
-        raise ConfigError("--update judges nothing that --junit could hold; leave one of them out")
+        raise ConfigError("--update gives no results that --junit could write; use only one of them")
     if junit.is_dir() or not junit.parent.is_dir():
         reason = "it is a folder" if junit.is_dir() else f"there is no folder {junit.parent}"
         raise ConfigError(f"cannot write --junit {junit}: {reason}; choose another file")

@@ -35,7 +35,9 @@ def compare(
     ],
     format_: Annotated[
         TableFormat,
-        typer.Option("--format", help="table has a column a run; md, csv and latex (booktabs) have a row a run."),
+        typer.Option(
+            "--format", help="table has one column per run; md, csv and latex (booktabs) have one row per run."
+        ),
     ] = TableFormat.TABLE,
     columns: Annotated[
         str | None,
@@ -150,7 +152,7 @@ def _replays(folders: list[Path]) -> list[Path]:
 
 
 def _something_else(folder: Path) -> str | None:
-    """Return in a word what a folder holds instead of a replay, sound or not; None if there is no such folder."""
+    """Return what a folder holds instead of a replay (one word), sound or damaged; None if there is no such folder."""
     from omnieval.results.manifest import MANIFEST, kind_of
     from omnieval.results.run_folder import KIND
 
@@ -163,7 +165,7 @@ def _something_else(folder: Path) -> str | None:
 
 
 def _columns(table: pl.DataFrame) -> Iterator[str]:
-    """Yield the lines of a table that has a column a run, so that it fits a terminal.
+    """Yield the lines of a table that has a column per run, so that it fits a terminal.
 
     Text that all runs share is said once and makes no column wider.
     """

@@ -1,4 +1,4 @@
-"""What a person at a terminal sees: progress on stderr, results on stdout."""
+"""Output to a terminal: progress and notes on stderr, results on stdout."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def library_notes() -> Iterator[None]:
 
 
 class _Notes(logging.Handler):
-    """Says what is logged as notes of ours, each message once."""
+    """Prints log messages as notes of omnieval, each message once."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""``omnieval dataset``: what is known of datasets, what is on disk, what is wrong with it, and a synthetic one."""
+"""``omnieval dataset``: known datasets, downloads, checks of what is on disk, and the synthetic building."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def fetch(
     name: Annotated[
         str, typer.Argument(help="Card and sequence, e.g. cold-freiburg/part_a/seq2_cloudy3.", metavar="CARD/SEQUENCE")
     ],
-    to: Annotated[Path, typer.Option(help="Folder to put it below, under that name.", metavar="DIR")] = Path(
+    to: Annotated[Path, typer.Option(help="Folder in which to put it, under that name.", metavar="DIR")] = Path(
         "datasets"
     ),
     base_url: Annotated[
@@ -99,10 +99,10 @@ def fetch(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Download a sequence, unpack it, and print its folder; nothing is done if it is there.
+    """Download a sequence, unpack it, and print its folder; if the folder exists already, nothing is done.
 
-    A download that broke off goes on where it did. The SHA-256 of an archive is kept beside the sequence, and asked of
-    every later download. Where COLD can be downloaded is not verified: if it is not there, name a mirror.
+    An interrupted download continues where it stopped. The SHA-256 of an archive is kept beside the sequence, and every
+    later download must have the same. Where COLD can be downloaded is not verified: if it is not there, name a mirror.
 
     Examples:
 
@@ -178,7 +178,7 @@ def check(
         _print_report(report, words)
     if not report.ok:
         errors = sum(finding.severity == "error" for finding in report.findings)
-        raise DatasetError(f"{report.source} has {errors} error(s), listed above; mend or remove what they name")
+        raise DatasetError(f"{report.source} has {errors} error(s), listed above; correct or remove what they name")
 
 
 @app.command("synthesize", short_help="Render a synthetic building.")

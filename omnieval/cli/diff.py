@@ -1,4 +1,4 @@
-"""``omnieval diff``: the first step at which two runs part, and why, and how far they agree."""
+"""``omnieval diff``: the first step at which two runs differ, why, and how far they agree."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def diff(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.rrd.")] = False,
     json: options.Json = False,
 ) -> None:
-    """Show the first step at which two runs part: what was decided, and the numbers that differ.
+    """Show the first step at which two runs differ: what was decided, and the numbers that differ.
 
-    Two runs are equal when the content hashes of their tables are, which cover every value to the bit but no times.
-    Where they are not, it also counts the steps with the same verdict and with the same partition of the images so
-    far (whatever the nodes are called), and how far the two final maps agree.
+    Two runs are equal if the content hashes of their tables are equal. These cover every bit of every value but no
+    times. Where they are not, it also counts the steps with the same verdict and with the same partition of the images
+    so far (whatever the nodes are called), and how far the two final maps agree.
 
     Examples:
 
@@ -53,7 +53,7 @@ def diff(
     if rrd is not None:
         if agreed is None or not len(agreed.verdicts):
             raise ResultError(
-                f"{one} and {other} replay other images; only runs over the same ones are recorded together"
+                f"{one} and {other} replay different images; only runs over the same images can be recorded together"
             )
         from omnieval.recording.side_by_side import record_pair
 
@@ -73,11 +73,11 @@ def _print(runs: tuple[Run, Run], found: Difference | None, agreed: Agreement | 
     if hashes[0] == hashes[1]:
         print(f"equal: all {len(one.steps)} steps")
     elif found is None:
-        print(f"equal: all {len(one.steps)} steps as they were taken; what the end made of them differs")
+        print(f"equal: all {len(one.steps)} steps; only the final maps differ")
     else:
         print(f"step {found.frame} ({found.file}) is the first that differs: {one.folder} | {other.folder}")
         if not found.columns:
-            print("  one of the runs has ended")
+            print("  one of the runs ends here")
         else:
             print_fields((name, f"{_short(left)} | {_short(right)}") for name, (left, right) in found.columns.items())
         if agreed is not None and agreed.first_parted is not None:
@@ -105,7 +105,7 @@ def _print_parting(runs: tuple[Run, Run], frame: int) -> None:
 
 def _agreement_fields(agreed: Agreement | None) -> Iterator[tuple[str, str]]:
     if agreed is None:
-        yield "steps", "the runs replay other images, so their steps cannot be matched"
+        yield "steps", "the runs replay different images, so their steps cannot be matched"
         return
     steps = len(agreed.verdicts)
     for name, same in (
@@ -115,7 +115,7 @@ def _agreement_fields(agreed: Agreement | None) -> Iterator[tuple[str, str]]:
     ):
         yield name, f"{same.sum()} of {steps} steps ({100 * same.mean() if steps else 0:.1f} %)"
     ari = agreed.final_ari
-    reason = "none: the runs are not complete and of one length"
+    reason = "none: both runs must be complete and of equal length"
     yield "final maps", f"adjusted Rand index {ari:.3f}" if ari is not None else reason
 
 

@@ -1,4 +1,4 @@
-"""``omnieval doctor``: what an installation is, and whether it works."""
+"""``omnieval doctor``: what is installed, and whether it works."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def explain(
     run: options.RunArgument,
     step: Annotated[
-        str | None, typer.Argument(help="Which step: its number, or the name of its image file.", metavar="STEP")
+        str | None, typer.Argument(help="The step: its number, or the name of its image file.", metavar="STEP")
     ] = None,
     refused: Annotated[
         bool,
@@ -38,14 +38,14 @@ def explain(
     limit: Annotated[int, typer.Option(min=1, help="With --refused: list at most this many.", metavar="N")] = 20,
     sequence: Annotated[
         str | None,
-        typer.Option("--sequence", help="Of a localisation of several sequences: which of them.", metavar="NAME"),
+        typer.Option("--sequence", help="For a localisation of several sequences: which one.", metavar="NAME"),
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Explain a decision: what was compared, what came of it, and what would have turned it.
+    """Explain a decision: what was compared, the result, and what would have changed it.
 
-    Reads the tables of the run only; no image is needed. What is said to turn a gate turns that gate; the gates behind
-    it may still refuse the image.
+    Reads the tables of the run only; no image is needed. What *would flip* a gate changes that gate only: the gates
+    behind it may still refuse the image.
 
     Examples:
 
@@ -58,7 +58,9 @@ def explain(
     from omnieval.results.run_folder import open_run
 
     if refused == (step is not None):
-        raise ConfigError("explain a STEP (a number or an image file), or list steps worth it with --refused")
+        raise ConfigError(
+            "name a STEP to explain (a number or an image file), or list refused loop closures with --refused"
+        )
     if kind_of(run) == "localization" and step is not None:
         _print_answer(run, step, sequence, json=json)
         return

@@ -1,4 +1,4 @@
-"""What somebody reads first: the commands by what one wants to do, and the first ones to try."""
+"""The main help page: commands grouped by purpose, and the first ones to try."""
 
 from __future__ import annotations
 

@@ -24,14 +24,16 @@ def localize(
     strategy: Annotated[
         str | None,
         typer.Option(
-            help="How: levels (the mapper's own), nearest, coarse; default all that there are.", metavar="NAMES"
+            help="Ways to search: levels (the mapper's own), nearest, coarse; default: all that the mapper has.",
+            metavar="NAMES",
         ),
     ] = None,
     within: Annotated[
-        float, typer.Option(help="Up to how many metres two images show the same place.", metavar="METRES")
+        float, typer.Option(help="Two images at most this far apart show the same place.", metavar="METRES")
     ] = 0.5,
     map_limit: Annotated[
-        int | None, typer.Option("--map-limit", min=1, help="Map only so many of the run's images.", metavar="N")
+        int | None,
+        typer.Option("--map-limit", min=1, help="Use a map of only the first N images of the run.", metavar="N"),
     ] = None,
     without_room: Annotated[
         list[str] | None,
@@ -59,8 +61,8 @@ def localize(
 ) -> None:
     """Find every image of other sequences in the map of a run, and judge the answers.
 
-    Images are described as those of the map were. Writes localization.parquet, a row a query and strategy, and prints
-    what it says. `omnieval explain DIR QUERY` tells of one answer.
+    The images are described in the same way as those of the map. Writes localization.parquet, one row per query and
+    strategy, and prints the metrics. `omnieval explain DIR QUERY` explains one answer.
 
     Examples:
 

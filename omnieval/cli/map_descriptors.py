@@ -29,7 +29,7 @@ def map_descriptors(
     rrd: Annotated[bool, typer.Option("--rrd", help="Also write a recording, without pictures.")] = False,
     json: options.Json = False,
 ) -> None:
-    """Run a mapper alone on descriptors computed anywhere, and write the run folder.
+    """Run only the mapper, on descriptors that any program computed, and write the run folder.
 
     Optional arrays of the archive: file, xy (n, 2) metres, yaw (n,) radians, room, time_ns.
 

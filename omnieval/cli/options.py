@@ -50,7 +50,9 @@ ConfigFile = Annotated[
 ]
 CameraFile = Annotated[
     Path | None,
-    typer.Option("--camera", help="What the camera is: a file like camera.toml (docs/data.md).", metavar="FILE.toml"),
+    typer.Option(
+        "--camera", help="File that describes the camera, like camera.toml (docs/data.md).", metavar="FILE.toml"
+    ),
 ]
 Preset = Annotated[
     str | None, typer.Option(help="Named parameters: recommended (default) or paper-literal.", metavar="NAME")
@@ -74,24 +76,24 @@ DescriptorName = Annotated[
         autocompletion=_descriptors,
     ),
 ]
-Topic = Annotated[str | None, typer.Option("--topic", help="Of a bag: the topic of the images.", metavar="NAME")]
+Topic = Annotated[str | None, typer.Option("--topic", help="For a bag: the topic of the images.", metavar="NAME")]
 PoseTopic = Annotated[
     str | None,
     typer.Option(
-        "--pose-topic", help="Of a bag: a topic of poses, odometry or transforms (/tf); default none.", metavar="NAME"
+        "--pose-topic", help="For a bag: a topic of poses, odometry or transforms (/tf); default none.", metavar="NAME"
     ),
 ]
 PoseFrame = Annotated[
     str | None,
     typer.Option(
         "--pose-frame",
-        help="With transforms: the frame whose pose to take; default the one that moves.",
+        help="With transforms: the frame of the robot; default the only one that moves.",
         metavar="NAME",
     ),
 ]
 DecodeEvery = Annotated[
     int | None,
-    typer.Option("--decode-every", min=1, help="Of a video or bag: decode every N-th image only.", metavar="N"),
+    typer.Option("--decode-every", min=1, help="For a video or bag: decode only every N-th image.", metavar="N"),
 ]
 Poses = Annotated[
     Path | None,
@@ -131,24 +133,26 @@ Out = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier run in the same folder.")]
 SkipBad = Annotated[
     bool,
-    typer.Option("--skip-bad", help="Leave out images that are broken or of another size than most, and count them."),
+    typer.Option(
+        "--skip-bad", help="Leave out images that are damaged or of a different size than most, and count them."
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 NoMap = Annotated[
     bool,
-    typer.Option("--no-map", help="Do not keep the map for localisation (map.npz, about 17 kB an image)."),
+    typer.Option("--no-map", help="Do not keep the map for localisation (map.npz, about 17 kB per image)."),
 ]
 ContinuedMap = Annotated[
     Path | None,
     typer.Option(
         "--map",
-        help="Go on with the map of a run, with its mapper, descriptor and imaging, as if both sequences were one.",
+        help="Continue the map of a run, with its mapper, descriptor and imaging, as if both sequences were one.",
         metavar="RUN",
     ),
 ]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave images out of the recording.")]
 Every = Annotated[
-    int, typer.Option("--every", min=1, help="Record images and curves at every N-th step only.", metavar="N")
+    int, typer.Option("--every", min=1, help="Record images and curves only at every N-th step.", metavar="N")
 ]
 
 
@@ -205,7 +209,7 @@ def source_with(
     except KeyError as error:
         name = f"--{error.args[0]}".replace("--every", "--decode-every")
         what = "bags" if error.args[0] != "every" else "videos and bags"
-        raise ConfigError(f"{name} is for {what}, and {source} is none; leave it out") from error
+        raise ConfigError(f"{name} is only for {what}, and {source} is something else; leave {name} out") from error
     return str(posed_source(streamed, poses, poses_tolerance, poses_interpolate))
 
 

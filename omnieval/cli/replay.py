@@ -106,7 +106,7 @@ def _next(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def print_run(run: Run, *, json: bool) -> None:
-    """Print what a run came to."""
+    """Print the summary of a run."""
     from omnieval.cli.console import note, print_fields, print_json
     from omnieval.results.summary import skipped_images, summary_fields
 
@@ -120,4 +120,4 @@ def print_run(run: Run, *, json: bool) -> None:
     if (cache := run.manifest["cache"]) and cache["note"]:
         note(cache["note"])
     if failure := run.manifest.get("recording_failure"):
-        note(f"the recording may be incomplete, the tables are not: {failure}")
+        note(f"the recording may be incomplete (the tables are complete): {failure}")

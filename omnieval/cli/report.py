@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class ReportFormat(StrEnum):
-    """What is made."""
+    """In which form the report is made."""
 
     PAGE = "html"
     MARKDOWN = "md"

@@ -1,4 +1,4 @@
-"""What to type instead, where an option that is not there is the name of a parameter."""
+"""The message for an unknown option that is the name of a parameter."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def in_place_of(error: TyperException, given: Sequence[str]) -> str | None:
     if not names:
         return None
     ways = " or ".join(f"--set {name}={_value(option, given) or 'VALUE'}" for name in names[:3])
-    return f"no option {option}, but a parameter of that name: {ways}"
+    return f"{option} is not an option but a parameter; set it with: {ways}"
 
 
 def _value(option: str, given: Sequence[str]) -> str | None:

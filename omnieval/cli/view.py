@@ -55,7 +55,10 @@ def view(
     for recording in recordings:
         check_recording(recording)
     if without:
-        note(f"left out, without a recording: {', '.join(map(str, without))}; omnieval render RUN makes one of a run")
+        note(
+            f"left out because they have no recording: {', '.join(map(str, without))}; "
+            "make one with: omnieval render RUN"
+        )
     if len(runs) == 2 and not without and not any(map(_is_no_run, runs)):
         one, other = map(open_run, runs)
         if both := _side_by_side(one, other):

@@ -1,1 +1,1 @@
-"""Methods held against each other over many runs: estimates, paired differences, ranks."""
+"""Methods compared with each other over many runs: estimates, paired differences, ranks."""

@@ -21,7 +21,7 @@ from omnieval.wording import did_you_mean, shown, value_text
 
 BY = ("mapper", "descriptor")
 METRICS = ("pair_f1", "reentry_f1", "false_merge_share", "silhouette")
-"""What is compared where nobody says it."""
+"""The metrics that are compared by default."""
 Over = Literal["cases", "images"]
 _LOWER = (*UPKEEP, "seconds", "refused", "wrong", "wrongly_refused", "compared_mean", "milliseconds")
 _NEITHER = ("queries", "posed", "coverage", "reachable_mean", "batch_silhouette", "smallest_margin")
@@ -76,7 +76,7 @@ class GroupEstimate:
     over
         What was resampled: cases, or blocks of images of the one run.
     finished, runs
-        How many runs came to their end, of how many.
+        How many runs finished, and how many there are.
     """
 
     group: Group
@@ -113,7 +113,7 @@ class GroupRanks:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What groups of runs come to beside each other; `lacking` says why something is not there."""
+    """The estimates of groups of runs beside each other; `lacking` says why something is not there."""
 
     by: tuple[str, ...]
     estimates: tuple[GroupEstimate, ...]
@@ -143,7 +143,7 @@ def compare_methods(
     ConfigError
         If no run has a label or a metric of such a name.
     """
-    _check(by, {name for record in records for name in record.labels}, "are not told apart by")
+    _check(by, {name for record in records for name in record.labels}, "are not distinguished by")
     _check(metrics, {name for record in records for name in record.metrics} or set(METRICS), "have no metric")
     grouped: dict[tuple[Any, ...], list[Record]] = {}
     for record in records:
@@ -224,7 +224,7 @@ def _ranks(
         return None
     way = better(metric)
     if way is None:
-        return "neither way is better"
+        return "it has no better direction"
     shared = [case for case in values[0] if all(case in own for own in values[1:])]
     if not shared:
         return "no case was finished by all with a value"

@@ -1,4 +1,4 @@
-"""The page of a benchmark: what every method comes to, and where the paper's wins and loses."""
+"""The page of a benchmark: the metrics of every method, and where the paper's method is better or worse than others."""
 
 from __future__ import annotations
 

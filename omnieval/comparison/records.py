@@ -41,7 +41,7 @@ class Record:
     metrics
         Its results, null where a metric has no value; empty if it did not finish.
     finished
-        Whether it came to its end.
+        Whether it finished.
     within
         Gives the interval of a metric over the images of this run; None where it has none.
     """
@@ -116,7 +116,7 @@ def _ablation(folder: Path) -> tuple[pl.DataFrame, list[str]]:
     if "exact" in table.columns and table["exact"].null_count() < len(table):
         raise ResultError(f"{folder} has pieces of an interval, not runs; compare an ablation without --exact")
     if table.is_empty() or manifest.get("jobs") != len(table):  # which runs are missing is not known from the others
-        raise ResultError(f"{folder} is not complete; go on with omnieval ablate --out {folder} --resume")
+        raise ResultError(f"{folder} is not complete; continue with omnieval ablate --out {folder} --resume")
     return table, varied
 
 

@@ -14,7 +14,7 @@ from omnieval.wording import value_text
 
 
 def estimate_table(found: Comparison) -> pl.DataFrame:
-    """Return a row a metric and group: the estimate, its interval, over how many cases, and how many runs finished."""
+    """Return one row per metric and group: the estimate, its interval, and the numbers of cases and finished runs."""
     rows = [
         {
             "metric": one.metric,
@@ -32,7 +32,7 @@ def estimate_table(found: Comparison) -> pl.DataFrame:
 
 
 def difference_table(found: Comparison) -> pl.DataFrame:
-    """Return a row a metric and two groups: the mean difference over shared cases, its interval, and the test."""
+    """Return a row per metric and two groups: the mean difference over shared cases, its interval, and the test."""
     rows = [
         {
             "metric": one.metric,
@@ -52,7 +52,7 @@ def difference_table(found: Comparison) -> pl.DataFrame:
 
 
 def rank_table(found: Comparison) -> pl.DataFrame:
-    """Return a row a metric and group: its mean rank, best first, and which sets of groups cannot be told apart."""
+    """Return one row per metric and group: its mean rank, best first, and the sets that cannot be distinguished."""
     rows = []
     for one in found.ranks:
         for place in sorted(range(len(one.groups)), key=one.ranking.ranks.__getitem__):

@@ -1,4 +1,4 @@
-"""``camera.toml`` beside the images of a sequence: what the camera is, from whoever has the data."""
+"""``camera.toml`` beside the images of a sequence: what the camera is, written by the owner of the data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from omnieval.errors import DatasetError
 
 
 def camera_beside(root: Path, otherwise: Camera) -> tuple[Camera, list[Finding]]:
-    """Return the camera that a file in a folder tells of, and what is wrong with the file; else another."""
+    """Return the camera that a file in a folder describes, and what is wrong with the file; else another."""
     try:
         file = called(root, CAMERA_FILE)
         return (parse_camera(read_text(file), root) if exists(file) else otherwise), []

@@ -1,7 +1,7 @@
 """Data cards: what is known of a family of sequences, one TOML file each (``datasets/*.toml``).
 
 A card says where to get the data and how to cite it, and what to expect on disk; what is not known is left out. Where
-the layout of a family is not fixed, the card tells it, and whoever has the data writes a card, not a reader::
+the layout of a family is not fixed, the card tells it, and the owner of the data writes a card, not a reader::
 
     [layout]
     images = "omni/*.jpg"            # glob below the sequence folder; every image it matches is a frame
@@ -75,7 +75,7 @@ _Pattern = Annotated[str, Field(min_length=1), AfterValidator(_below_the_folder)
 
 
 class GroundTruth(BaseModel):
-    """Where the captures were taken: one file with one row a capture.
+    """Where the captures were taken: one file with one row per capture.
 
     Attributes
     ----------

@@ -56,7 +56,7 @@ _MICROSECOND = 1_000
 _SECOND = 1_000_000_000
 _LARGEST_TIME = 2**63 - 1
 _YAW_LIMIT = math.pi + 1e-6
-"""Six decimals round pi up."""
+"""Six decimals round pi up, so that a heading in a name may be a little more than pi."""
 
 
 def parse_name(name: str) -> tuple[int, Pose]:

@@ -5,7 +5,7 @@ As published::
     seq2_cloudy3/
       omni_cam/t1152904768.652404_x-1.511887_y1.036311_a1.348328.jpeg
 
-A folder a room, as the authors of the paper keep their training sets::
+A folder per room, as the authors of the paper keep their training sets::
 
     cloudy/
       1PO-A/t1152902971.600254_x-8.677760_y2.892667_a2.975968.jpeg

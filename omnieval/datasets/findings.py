@@ -1,6 +1,6 @@
 """What is worth knowing about a sequence on disk: one list, made once when it is opened, for every command.
 
-An error stops every command. Warnings are said once by every command that opens the sequence, a line a kind, and are
+An error stops every command. Warnings are said once by every command that opens the sequence, a line per kind, and are
 stored in ``run.json``; infos are stored too. `omnieval dataset check` shows each by itself.
 """
 
@@ -69,7 +69,7 @@ def errors(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def by_kind(findings: Iterable[Finding]) -> tuple[KindOfFinding, ...]:
-    """Return one line a kind: errors, then warnings, then infos.
+    """Return one line per kind: errors, then warnings, then infos.
 
     Examples
     --------

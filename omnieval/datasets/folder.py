@@ -203,7 +203,7 @@ def _matched(names: list[str], table: Table) -> tuple[dict[str, Capture], list[F
     if "file" in (table.columns or ()):
         captures, findings = _matched_by_name(names, table)
     elif len(names) != len(table.rows):
-        message = f"{len(table.rows)} rows for {len(names)} images; one row an image, or a column for file, is needed"
+        message = f"{len(table.rows)} rows for {len(names)} images; one row per image, or a column for file, is needed"
         return {}, [Finding("error", "rows-differ", table.name, message)]
     else:
         paired = zip(names, table.rows, strict=True)

@@ -152,7 +152,7 @@ def _pixels(data: bytes, header: Header, *, colour: bool = False, bits: int | No
 
 
 def _opencv(data: bytes, stored_bits: int, *, colour: bool, bits: int | None) -> MatLike | None:
-    """Decode what is no usual JPEG; of 16 bits a channel the most significant ones of those that are used."""
+    """Decode what is not a usual JPEG; of 16 bits a channel the most significant ones of those that are used."""
     flags = (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_IGNORE_ORIENTATION
     array = np.frombuffer(data, np.uint8)
     if stored_bits <= 8:

@@ -69,7 +69,7 @@ def _refuse_others(name: str, listed: dict[str, tuple[str, int]]) -> None:
     if kind not in _NUMERIC:
         raise RefusedError(f"variable {name} is {kind}; only arrays of real numbers are read")
     if size > _MOST_NUMBERS:
-        raise RefusedError(f"variable {name} has {size} numbers; that is no list of poses")
+        raise RefusedError(f"variable {name} has {size} numbers; that is not a list of poses")
 
 
 if __name__ == "__main__":

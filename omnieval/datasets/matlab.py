@@ -24,7 +24,7 @@ _HDF5_START = b"\x89HDF\r\n\x1a\n"
 
 
 def read_columns(data: bytes, variable: str | Sequence[str] | None, *, transposed: bool) -> NDArray[np.float64]:
-    """Return the numbers of a MATLAB file, one row a capture.
+    """Return the numbers of a MATLAB file, one row per capture.
 
     Parameters
     ----------

@@ -164,7 +164,7 @@ class Replicates:
             if name not in OPTIONS:
                 raise ConfigError(f"--perturb {text}: unknown {name!r}; {did_you_mean(name, OPTIONS)}")
             if name in ranges:
-                raise ConfigError(f"--perturb {text}: {name} stands there twice")
+                raise ConfigError(f"--perturb {text}: {name} is given twice")
             if name == "seed":
                 seed = _asked(name, values, text, whole=True)[1]
             elif name == "reverse" and not equals:
@@ -176,7 +176,7 @@ class Replicates:
         return cls(ranges, int(seed), text)
 
     def draw(self, count: int) -> list[Perturbation]:
-        """Return so many different perturbations; the first of more are the same.
+        """Return this many different perturbations; the first of more are the same.
 
         Raises
         ------

@@ -141,7 +141,7 @@ def _delimited(lines: list[str], delimiter: str) -> Iterator[tuple[int, list[str
             yield reader.line_num, [cell.strip() for cell in row]
     except csv.Error as error:
         reason = shown(str(error))  # it may quote a delimiter that cannot be printed
-        raise DatasetError(f"line {reader.line_num} is not delimited text ({reason}); mend it") from error
+        raise DatasetError(f"line {reader.line_num} is not delimited text ({reason}); correct it") from error
 
 
 def _matlab_cells(data: bytes, truth: GroundTruth) -> Iterator[tuple[int, list[str]]]:
@@ -149,7 +149,7 @@ def _matlab_cells(data: bytes, truth: GroundTruth) -> Iterator[tuple[int, list[s
 
     columns = truth.columns or ()
     if "file" in columns:
-        raise DatasetError("a MATLAB array holds no file names; give one row an image, and columns without file")
+        raise DatasetError("a MATLAB array holds no file names; give one row per image, and columns without file")
     array = read_columns(data, truth.variable, transposed=truth.transposed)
     if array.shape[1] != len(columns) and array.shape[0] == len(columns):
         raise DatasetError(

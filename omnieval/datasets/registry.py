@@ -29,7 +29,7 @@ from omnieval.datasets.sequence import Sequence
 from omnieval.datasets.source import STREAMS, apart, parse, split, together, written
 from omnieval.datasets.trajectory.load import OPTIONS, PoseOptions, with_poses
 from omnieval.errors import DatasetError
-from omnieval.wording import did_you_mean, safe_name, shown
+from omnieval.wording import did_you_mean, near_path, safe_name, shown
 
 DEFAULT_SOURCE = "synthetic"
 
@@ -44,7 +44,7 @@ _SCANNERS = {
 """Reader of each scheme, by its place, so that a reader is imported only when it is used."""
 
 RESULTS_MANIFEST = "run.json"
-"""What a folder of results holds, which is no sequence."""
+"""What a folder of results holds, which is not a sequence."""
 
 _WITHOUT_PATH = frozenset({"synthetic"})
 _OF_ARCHIVES, _ENDING_OF_ARCHIVES = "npz:", ".npz"
@@ -169,7 +169,7 @@ def posed_source(
     poses_tolerance
         How far an image may be from its pose in time, seconds; default half the median interval between images.
     poses_interpolate
-        Interpolate between poses that are at most so many seconds apart.
+        Interpolate between poses that are at most this many seconds apart.
 
     Examples
     --------
@@ -182,7 +182,7 @@ def posed_source(
 
 
 def _options_of_poses(source: str) -> tuple[str, PoseOptions | None]:
-    """Return a source without what it says of poses, and that; None if it says nothing, or speaks of a topic."""
+    """Return a source without its options about poses, and these; None if it has none, or names a topic."""
     bare, given = apart(source, OPTIONS)
     if given and "poses" not in given and "pose-topic" in split(bare)[1]:
         return source, None
@@ -284,5 +284,5 @@ def _no_source(path: str) -> str:
         fetching = f", `omnieval dataset fetch {family}/{example}` downloads a sequence" if known.archives else ""
         return f"a data card, not a folder of images; `omnieval dataset info {family}` says where to get them{fetching}"
     if within:
-        return "no such folder; check the path"
+        return f"no such folder; {near_path(Path(path))}"
     return f"no such folder, and not a source; {did_you_mean(path, [*_SCANNERS, *cards])}"

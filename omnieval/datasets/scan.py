@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from omnieval.datasets.findings import ROOT, Finding, errors
 from omnieval.datasets.sequence import Camera, Frame, Pose, Sequence
 from omnieval.errors import DatasetError
-from omnieval.wording import shown
+from omnieval.wording import near_path, shown
 
 if TYPE_CHECKING:
     from omnieval.datasets.cards import Card
@@ -145,7 +145,7 @@ def exists(path: Path) -> bool:
 def missing_folder(path: Path) -> Finding | None:
     """Return what is wrong with `path` as a folder to read, None if it can be listed."""
     if not exists(path):
-        hint = "a shell expands * only in a path without a scheme" if "*" in str(path) else "check the path"
+        hint = "a shell expands * only in a path without a scheme" if "*" in str(path) else near_path(path)
         return Finding("error", "missing-folder", ROOT, f"no such folder; {hint}")
     if not path.is_dir():
         return Finding("error", "not-a-folder", ROOT, "not a folder; name the folder that holds the sequence")
@@ -157,7 +157,7 @@ def missing_folder(path: Path) -> Finding | None:
 
 
 def visible_names(folder: Path) -> list[str]:
-    """Return the names in `folder` that are not hidden, sorted; empty if it is no folder one may list."""
+    """Return the names in `folder` that are not hidden, sorted; empty if it is not a folder one may list."""
     try:
         with os.scandir(folder) as entries:  # iterdir makes a path of each, which takes longer than all the rest
             return sorted(entry.name for entry in entries if not entry.name.startswith("."))
@@ -224,7 +224,7 @@ def pose_remarks(poses: Iterable[tuple[str, Pose | None]], *, largest_yaw: float
             message = "the pose is not finite and left out; correct or remove it"
             remarks.append(Finding("warning", "bad-pose", where, message))
         elif max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
-            message = f"({pose.x:g}, {pose.y:g}) is no position in metres and left out; correct it"
+            message = f"({pose.x:g}, {pose.y:g}) is not a position in metres and left out; correct it"
             remarks.append(Finding("warning", "bad-pose", where, message))
         elif abs(pose.yaw) > largest_yaw:
             message = f"yaw {pose.yaw:g} is beyond {largest_yaw:.6g}; expected radians"

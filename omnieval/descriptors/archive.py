@@ -198,7 +198,7 @@ def _text(file: Path, arrays: Mapping[str, NDArray[Any]], name: str, count: int)
     for index, text in enumerate(array if array is not None else ()):
         if any("\ud800" <= letter <= "\udfff" for letter in text):
             raise DatasetError(
-                f"{file}: array {name!r} is no valid Unicode in image {index}, so no table can hold it; rename it"
+                f"{file}: array {name!r} is not valid Unicode in image {index}, so no table can hold it; rename it"
             )
     return array
 

@@ -46,7 +46,7 @@ class DescribedFrame:
 class Descriptor(Protocol):
     """Turns a panorama into a `Description`. Pure: the same panorama gives the same arrays, from any thread.
 
-    A class of one's own needs `describe` and nothing else. It may be a `BatchDescriptor` or a `MaskedDescriptor` too,
+    A class of your own needs `describe` and nothing else. It may be a `BatchDescriptor` or a `MaskedDescriptor` too,
     and may have
 
     - ``name``, what it is called in tables (default: made of the class's name),

@@ -42,7 +42,7 @@ class Distances:
 class DescriptionStore:
     """Descriptions that can be compared with each other; grows by whole tiles.
 
-    Double precision, because the closed form subtracts nearly equal numbers: 49 kB an image of 256 cells x 16 bins.
+    Double precision, because the closed form subtracts nearly equal numbers: 49 kB per image of 256 cells x 16 bins.
     What was computed of the images last asked for is remembered, so that several who ask pay once.
 
     Parameters
@@ -174,7 +174,7 @@ class Selection:
         self._count += 1
 
     def copied(self) -> Selection:
-        """Return one that goes on by itself; full tiles, which never change again, are shared."""
+        """Return an independent copy; full tiles, which never change again, are shared."""
         other = Selection()
         other._count = self._count
         other.others.tiles = self.others.tiles.copy()

@@ -53,7 +53,7 @@ class Card(BaseModel):
 class Network:
     """A descriptor by a network in a file, ``onnx:MODEL.onnx``.
 
-    Both parts are divided by their Euclidean norm. One thread a session: the result has the same bits everywhere.
+    Both parts are divided by their Euclidean norm. One thread per session: the result has the same bits everywhere.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def load_card(file: Path) -> Card:
     except OSError as error:
         raise ConfigError(f"cannot read {file}, the card of the network: {error.strerror or error}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file} is no TOML: {error}") from error
+        raise ConfigError(f"{file} is not valid TOML: {error}") from error
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
         raise ConfigError(f"{file}: {faults}") from error

@@ -1,1 +1,1 @@
-"""Decisions in words and numbers: what was compared, what came of it, and what would have changed it."""
+"""Decisions in words and numbers: what was compared, the result, and what would have changed it."""

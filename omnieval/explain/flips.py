@@ -1,7 +1,7 @@
-"""What would have turned each comparison of a step the other way, as far as its evidence proves it.
+"""What would have changed the outcome of each comparison of a step, as far as the recorded evidence proves it.
 
-A gate that turns does not decide alone what becomes of the image: the ones behind it may refuse, and the map would
-have been another one by then. So a flip speaks of its gate only.
+A gate does not decide alone about the image: later gates may refuse it, and the map would
+have been another one by then. So a flip is a statement about its gate only.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _PLAIN = 1e6
 
 @dataclass(frozen=True, slots=True)
 class Flip:
-    """What would have turned one comparison.
+    """What would have changed the outcome of one comparison.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Flip:
 
 
 def flips(step: Step, method: Method) -> tuple[Flip, ...]:
-    """Return what would have turned each comparison of a step, in the order in which they were made.
+    """Return what would have changed the outcome of each comparison of a step, in the order in which they were made.
 
     Those that neither a parameter sets nor a loop closure depends on are left out.
     """

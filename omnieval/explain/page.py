@@ -22,7 +22,7 @@ from omnieval.wording import counted
 Line = tuple[str, str]
 
 NEAREST = 3
-"""How many of the refused nodes are told apart from the rest."""
+"""How many of the refused nodes are distinguished from the rest."""
 
 _PLACEMENTS = {
     Placement.FOUNDING: "one of the images the node was made of",
@@ -35,7 +35,7 @@ _PLACEMENTS = {
 
 
 def lines(scene: Scene, method: Method) -> list[Line]:
-    """Return everything that was compared at a step and what came of it; a label may be empty to go on with the last.
+    """Return everything that was compared at a step and the results; a label may be empty to continue with the last.
 
     The first line is the decision in a sentence.
     """
@@ -67,7 +67,7 @@ def match_text(scene: Scene) -> str:
 
 
 def measured_text(scene: Scene, method: Method) -> str:
-    """Say what the mapper measured besides, in the order of its columns, as far as no comparison says it already."""
+    """Return what else the mapper measured, in the order of its columns, unless a comparison shows it already."""
     said = {value for one in scene.step.comparisons for value in (*one.values, one.threshold)}
     values = [(column, scene.step.measured.get(column.name)) for column in method.columns]
     return ", ".join(

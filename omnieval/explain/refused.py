@@ -56,7 +56,7 @@ def refused_closures(run: Run, *, within: float = NEAR_METRES, ago: int = AGO_ST
     Returns
     -------
     polars.DataFrame
-        One row a refused image: `step`, `room` and `verdict`; the `value` that was compared, its `threshold`, and
+        One row per refused image: `step`, `room` and `verdict`; the `value` that was compared, its `threshold`, and
         what was `missing`, relative to the threshold (null where nothing was nearly equal); the image it should have
         been matched with (`match`), its room and node, the `metres` between them and how many `steps_ago` it was
         taken; and by which `placement` the image came to its node in the end.

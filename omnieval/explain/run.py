@@ -32,7 +32,7 @@ class Explanation:
     scene
         The step with its surroundings.
     flips
-        What would have turned each comparison.
+        What would have changed the outcome of each comparison.
     node_final, placement
         Where the image ended and how it came there; None if it belongs to no node, or the run did not reach its end.
     images_final, rooms_final

@@ -51,7 +51,7 @@ class Scene:
 
     @property
     def outcome(self) -> str:
-        """What became of the image in a word: a refused one at a known place is a missed loop closure."""
+        """The outcome for the image as one word: a refused one at a known place is a missed loop closure."""
         if self.step.role is Role.REFUSED:
             return "missed" if self.revisit is not None and self.revisit.near else "refused"
         return "closed" if self.step.role is Role.JOINED else self.step.role.value

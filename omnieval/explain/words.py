@@ -44,7 +44,7 @@ def subject(step: Step, comparison: Comparison) -> int | None:
 
 
 def comparison_text(step: Step, comparison: Comparison, method: Method) -> str:
-    """Say what was compared and what came of it, of one value."""
+    """Say what was compared and the result, for one value."""
     text = _reason(step, comparison, method)
     if not method.gate(comparison.gate).closes:
         return text

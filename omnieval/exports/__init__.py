@@ -1,1 +1,1 @@
-"""Runs for other programs: graphs, trajectories, tables and pictures, each in a form that is somebody else's."""
+"""Runs for other programs: graphs, trajectories, tables and pictures, in the formats of those programs."""

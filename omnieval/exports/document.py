@@ -1,4 +1,4 @@
-"""A map as plain JSON, for programs of one's own. Docs: docs/export.md."""
+"""A map as plain JSON, for programs of your own. Docs: docs/export.md."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import polars as pl
 
 
 def flat_csv(table: pl.DataFrame) -> str:
-    """Return a table as CSV, one line a row behind the heading; null is an empty cell.
+    """Return a table as CSV, one line per row behind the heading; null is an empty cell.
 
     Examples
     --------

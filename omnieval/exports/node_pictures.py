@@ -30,7 +30,7 @@ class NodePicture:
 
 @contextmanager
 def pictures_of(run: Run) -> Iterator[Pictures]:
-    """Give the pictures of the images that a run replayed, all of which are held against its fingerprint first.
+    """Give the pictures of the images that a run replayed, all of which are compared with its fingerprint first.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """The true path of a run in the format of the TUM RGB-D benchmark, which evo reads.
 
-A line a frame: ``timestamp x y z qx qy qz qw``, seconds and metres, ``z`` 0, the heading as a rotation about z. Lines
+A line per frame: ``timestamp x y z qx qy qz qw``, seconds and metres, ``z`` 0, the heading as a rotation about z. Lines
 that begin with ``#`` say what the numbers alone do not.
 """
 
@@ -22,7 +22,7 @@ def trajectory(steps: pl.DataFrame, name: str) -> tuple[str, tuple[str, ...]]:
     Parameters
     ----------
     steps
-        One row a frame (`schemas.STEPS`).
+        One row per frame (`schemas.STEPS`).
     name
         What to call the run.
 

@@ -31,7 +31,7 @@ from omnieval.results.run_folder import TABLES, Run, open_run
 
 
 class ExportFormat(StrEnum):
-    """What is written."""
+    """In which format a run is written."""
 
     GRAPHML = "graphml"
     GEOJSON = "geojson"
@@ -135,7 +135,7 @@ def _graph_text(graph: MapGraph, wanted: ExportFormat) -> str:
 
 
 def _tables(run: Run) -> dict[str, pl.DataFrame]:
-    """Return the tables of a run; of one that did not end, the steps it came to."""
+    """Return the tables of a run; of one that did not finish, its steps so far."""
     found = {"steps": run.steps}
     if run.status == "complete":
         found |= {name: getattr(run, name) for name in TABLES if name != "steps"}
@@ -150,7 +150,7 @@ def _export_table(
         best = " or name the run in it, best/" if (folder / "best").is_dir() else ""
         raise ResultError(f"{folder} is {with_article(kind)}, which has no map; export it with --format csv{best}")
     if not table.exists():
-        raise ResultError(f"{folder} has no {table.name} yet; let it go on to its end")
+        raise ResultError(f"{folder} has no {table.name} yet; let it finish")
     try:
         rows = pl.read_parquet(table)
     except (OSError, pl.exceptions.PolarsError) as error:

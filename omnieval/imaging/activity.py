@@ -181,7 +181,7 @@ def _rays(
     v = np.rint(center[1] + np.outer(np.sin(azimuth), radius)).astype(np.int64)
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
     samples: NDArray[np.bool_] = active[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] & inside
-    # The image border is no edge of the mirror: rays that are active up to it tell nothing.
+    # The image border is not an edge of the mirror: rays that are active up to it tell nothing.
     last = np.maximum(inside.sum(axis=1) - 1, 0)
     touches = samples[np.arange(_RAYS), last] | samples[np.arange(_RAYS), np.maximum(last - 1, 0)]
     return samples[~touches], azimuth[~touches], radius

@@ -1,9 +1,9 @@
-"""Where the mirror lies in the images, estimated from the images themselves, and how far that can be trusted.
+"""Estimates where the mirror lies in the images from the images themselves, and how far that can be trusted.
 
 Two things tell. The rim, and the edge of the camera's own reflection, are edges that stay where they are while what the
 mirror shows changes (`imaging.edges`): circles are laid through them (`imaging.circles`). And what changes lies within
-the rim and outside of the blind spot (`imaging.activity`), which finds a rim that is no edge, in the dark or before a
-background as bright as the scene. Where neither shows a circle there is no estimate.
+the rim and outside of the blind spot (`imaging.activity`), which finds a rim that is not an edge, in the dark or before
+a background as bright as the scene. Where neither shows a circle there is no estimate.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ _BLIND_ASIDE = 0.15
 """A blind spot's centre lies within this share of the rim's radius from the rim's."""
 _BLIND_BY_DEFAULT = 0.15 / 0.47
 _ASIDE_SAID = 0.02
-"""A blind spot this share of the rim's radius aside is worth a word."""
+"""A blind spot whose centre is off by this share of the rim's radius is mentioned."""
 _QUIET = 0.25
-"""What moves less than this share of what lies within is no part of the mirror."""
+"""What moves less than this share of what lies within is not a part of the mirror."""
 _AGREE = 0.02
 """Halves of the frames must agree to this share of the radius, and to `_AGREE_PX`."""
 _AGREE_PX = 2.0
@@ -240,7 +240,7 @@ class _Evidence:
         return bool(within and _RADII[0] * height < circle.radius < width)
 
     def _is_rim(self, one: Support) -> bool:
-        """Whether enough moves within a circle, held against what moves outside of it; if nothing moves, any is."""
+        """Whether enough moves within a circle, compared with what moves outside of it; if nothing moves, any is."""
         if self._activity is None or not self._moved:
             return True
         outside, within = self._activity.within(one.circle, 1.03, 1.2), self._activity.within(one.circle, 0.7, 0.97)

@@ -25,7 +25,7 @@ from omnieval.wording import shown
 Kind = Literal["omnidirectional", "panoramic"]
 
 _PANORAMIC_ASPECT = 2.0
-"""Images at least this much wider than high are taken for panoramas when nobody says what they are and none shows a
+"""Images at least this much wider than high are treated as panoramas if it is not said what they are and none shows a
 mirror."""
 
 
@@ -52,7 +52,7 @@ class CameraModel:
     findings
         What is odd about the camera, or not known for certain.
     told
-        Whether somebody says all of it; else something was found out from the images.
+        Whether all of it was given; else a part was estimated from the images.
     disturbance
         How pixels are changed before anything is made of them; None if they are not.
     """
@@ -124,7 +124,7 @@ class CameraModel:
 
 
 def camera_of(about: Mapping[str, Any], size: tuple[int, int]) -> CameraModel:
-    """Return the camera that ``run.json`` tells of, for images of this size.
+    """Return the camera that ``run.json`` describes, for images of this size.
 
     Raises
     ------
@@ -239,7 +239,7 @@ def _kind(
         raise _unknown(sequence, estimate)
     if estimate.mirror is not None and estimate.by_edge:
         return "omnidirectional", "the images show a mirror"
-    return "panoramic", f"taken for panoramas, because the images are {width / height:.3g} times as wide as high"
+    return "panoramic", f"treated as panoramas, because the images are {width / height:.3g} times as wide as high"
 
 
 def _told_by(sequence: Sequence) -> str:
@@ -273,21 +273,22 @@ def _mirror(
 def _unknown(sequence: Sequence, estimate: MirrorEstimate) -> DatasetError:
     source = shown(sequence.source)
     return DatasetError(
-        f"{source}: where the mirror lies in the images is not known: {estimate.why_not}; look at it with `omnieval "
-        f"dataset check {source} --preview FILE.png`, and say what it is in camera.toml (or --camera FILE.toml), by "
-        "--set imaging.kind=panoramic, or by --set imaging.cx=... with cy, r_in and r_out"
+        f"{source}: where the mirror lies in the images is not known: {estimate.why_not}; if they are panoramas, add "
+        f"--set imaging.kind=panoramic; else look at them with `omnieval dataset check {source} --preview FILE.png`, "
+        "and describe the camera in camera.toml (or --camera FILE.toml), or by --set imaging.cx=... with cy, r_in and "
+        "r_out"
     )
 
 
 def _mirror_findings(estimate: MirrorEstimate, given: Mapping[str, float]) -> list[Finding]:
     """Return what of an estimate is not seen, or only just."""
     findings = []
-    look = "look at it with --preview, or set imaging.r_in"
+    look = "check it with --preview, or set imaging.r_in"
     if not estimate.blind_spot_seen and "r_in" not in given:
         message = f"the blind spot is not seen; its radius is taken to be a third of the rim's: {look}"
         findings.append(Finding("warning", "blind-spot-not-seen", ROOT, message))
     if not estimate.moved:
-        message = "nothing moves in the images the mirror is estimated from; look at it with --preview"
+        message = "nothing moves in the images the mirror is estimated from; check it with --preview"
         findings.append(Finding("warning", "mirror-from-still-images", ROOT, message))
     return findings
 

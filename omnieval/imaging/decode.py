@@ -1,4 +1,4 @@
-"""Image files to pixels."""
+"""Decodes image files to pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What only the images themselves tell about the camera: their size and, if need be, where the mirror lies.
+"""What only the images can tell about the camera: their size and, if need be, where the mirror lies.
 
 What was seen once can be remembered, so that a second replay does not read the images again for it.
 """
@@ -23,7 +23,7 @@ from omnieval.imaging.decode import decode_grey
 _ESTIMATED_FROM = 32
 """Images to estimate the mirror from, spread over the calibration frames; more do not sharpen it."""
 _COMPUTATION = 4
-"""Raised when the estimate computes something else, so that what is remembered of earlier ones is not used."""
+"""Version of the estimate: raised when its results change, so that remembered results of earlier ones are not used."""
 
 
 class Notebook(Protocol):

@@ -13,7 +13,7 @@ LARGEST_PX = 100_000
 
 
 class ImagingConfig(BaseModel):
-    """How images become panoramas. Geometry that is not given comes from the dataset, or is estimated."""
+    """How images become panoramas. Geometry that is not given comes from the dataset or is estimated."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

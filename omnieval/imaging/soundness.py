@@ -1,4 +1,4 @@
-"""Are all images of a sequence fit for use? Found out before the first is mapped, so that no replay ends midway."""
+"""Checks that all images of a sequence can be used, before the first is mapped, so that no replay stops midway."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from omnieval.wording import shown
 
 _MOST_NAMED = 3
 _NOTE = "examined 1"
-"""What is remembered of images; the number is raised when it is another thing."""
+"""Key of what is remembered of images; its number is raised when the content changes."""
 
 
 @dataclass(frozen=True, slots=True)

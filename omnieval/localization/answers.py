@@ -39,7 +39,7 @@ def answers(finder: Strategy, query: Query, within: float) -> Iterator[dict[str,
     query
         The images.
     within
-        Up to how many metres two images show the same place.
+        Two images at most this far apart show the same place.
     """
     for block in blocks(enumerate(zip(query.frames, query.descriptions, strict=True)), AHEAD):
         started = time.perf_counter()

@@ -76,7 +76,7 @@ def measure(answers: pl.DataFrame, theta: float, images: int) -> Measures:
     answers
         Rows of `table.QUERIES`, of one sequence and one strategy.
     theta
-        Up to how many metres two images show the same place.
+        Two images at most this far apart show the same place.
     images
         Number of images in the map.
     """

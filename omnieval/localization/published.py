@@ -1,4 +1,4 @@
-"""What others published for COLD-Freiburg, part A: theirs, on the real images, none of it run here.
+"""What others published for COLD-Freiburg, part A: their numbers, on the real images; none of it was run here.
 
 The map is seq2_cloudy3, the queries seq2_cloudy2, seq2_night2 and seq2_sunny2. Sources: the READMEs of
 IndoorLocalizationSingleCNN and IndoorLocalizationSNN of the UMH group. Cloudy values below 0.17 m look like another

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ def record_localization(
     found: Localization,
     options: RecordingOptions | None = None,
     *,
+    out: Path | None = None,
     progress: Progress | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Path:
@@ -45,6 +46,8 @@ def record_localization(
         A complete localisation.
     options
         Whether images are recorded, and of how many queries.
+    out
+        The file to write; None for the recording in the folder of the localisation.
     progress
         Called with (queries done, queries in all).
     note
@@ -58,8 +61,9 @@ def record_localization(
         If these are others than those that were looked for, or the recording cannot be written.
     """
     chosen = options or RecordingOptions()
-    path = found.folder / RECORDING
-    with hold_folder(found.folder, KIND), ExitStack() as stack, replacing(path) as temporary:
+    path = found.folder / RECORDING if out is None else out
+    held = hold_folder(found.folder, KIND) if out is None else nullcontext()
+    with held, ExitStack() as stack, replacing(path) as temporary:
         try:
             run: Run | None = _run_of(found)
             in_map = _map_pictures(found, run, stack) if chosen.images and run else None
@@ -97,7 +101,7 @@ class _InMap:
 def _map_pictures(found: Localization, run: Run, stack: ExitStack) -> _InMap | None:
     part = found.manifest["map"]
     material = stack.enter_context(reopened(run, describe=False))
-    for _ in material.described:  # held against the run until the last
+    for _ in material.described:  # compared with the run until the last
         pass
     if material.pictures is None:
         return None

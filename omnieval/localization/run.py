@@ -69,7 +69,7 @@ class Localization:
 
     @cached_property
     def table(self) -> pl.DataFrame:
-        """A row a query and strategy (`table.QUERIES`).
+        """A row per query and strategy (`table.QUERIES`).
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Localization:
 
     @property
     def measures(self) -> pl.DataFrame:
-        """A row a sequence and strategy: the metrics (`measures.METRICS`)."""
+        """A row per sequence and strategy: the metrics (`measures.METRICS`)."""
         return pl.DataFrame(
             [
                 {"sequence": sequence, "strategy": strategy, **values}
@@ -124,9 +124,10 @@ def localize(
     strategies
         Of `STRATEGIES`; default all that the mapper has.
     within
-        Up to how many metres two images show the same place.
+        Two images at most this far apart show the same place.
     map_limit, without_rooms
-        Make the map of at most so many of its first images, and of none in these rooms: the mapper maps the rest anew.
+        Make the map of at most this many of its first images, and of none in these rooms: the mapper maps the rest
+        again.
     start, stride, limit
         Which frames of each source.
     skip_bad

@@ -52,7 +52,7 @@ QUERIES = table_schema(
         "milliseconds": pl.Float64,
     }
 )
-"""A row a query and strategy. `role` says whether it was refused; `best_*` is the most similar image all the same."""
+"""A row per query and strategy. `role` says whether it was refused; `best_*` is the most similar image all the same."""
 
 
 def query_row(

@@ -56,7 +56,7 @@ def truth_of(
     xy, yaw
         Where the query was taken, metres, and its heading, radians; None where unknown.
     theta
-        Up to how many metres two images show the same place.
+        Two images at most this far apart show the same place.
     """
     if xy is None or not map_.is_posed:
         return Truth(heading_error=_heading_error(map_, found, yaw))

@@ -1,4 +1,4 @@
-"""One answer in words: what the image was compared with, what came of it, and how far off it is."""
+"""One answer in words: what the image was compared with, the result, and how far it is from the truth."""
 
 from __future__ import annotations
 

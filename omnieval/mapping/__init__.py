@@ -1,1 +1,1 @@
-"""The method: nodes, gates, matching, the mapper and the evidence of its steps. Arrays in, decisions out."""
+"""The method: nodes, gates, matching, the mapper and the evidence of its steps. Takes arrays, returns decisions."""

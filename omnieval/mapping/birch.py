@@ -24,7 +24,7 @@ from omnieval.mapping.memory import ImageMemory
 from omnieval.mapping.step import EventKind, FinalMap, Match, NodeEvent, Placement, Role, Step
 
 MOST_NODES = 2000
-"""Of one leaf."""
+"""Most nodes that the one leaf of the tree may hold."""
 
 
 class BirchSettings(BaseModel):

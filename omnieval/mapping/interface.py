@@ -1,6 +1,6 @@
 """What a mapper is: it decides about images one by one, and declares the words of its evidence.
 
-A mapper of one's own derives from `Mapper`; one that derives from `BranchingMapper` is swept as a tree (`sweep`).
+A mapper of your own derives from `Mapper`; one that derives from `BranchingMapper` is swept as a tree (`sweep`).
 `omnieval.testing.check_mapper` checks the contract.
 """
 
@@ -89,7 +89,7 @@ class Column(BaseModel):
 
 
 class Method(BaseModel):
-    """A mapper as ``run.json`` tells of it: all that is needed to read its evidence, without the mapper itself.
+    """A mapper as ``run.json`` describes it: all that is needed to read its evidence, without the mapper itself.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ class Mapper(ABC):
 
     @abstractmethod
     def finish(self) -> FinalMap:
-        """Return the partition of all images so far. The map itself stays as it is: `step` may go on afterwards."""
+        """Return the partition of all images so far. The map itself stays as it is: `step` may be called afterwards."""
 
     def locate(self, description: Description) -> Step | None:
         """Say where an image is on the map, by the mapper's own levels; None if it has none.
@@ -191,7 +191,7 @@ class Mapper(ABC):
         del descriptions
 
     def too_short(self, images: int) -> str | None:
-        """Say why a sequence of so many images is too short, and what to do; None if it is not."""
+        """Say why a sequence of this many images is too short, and what to do; None if it is not."""
         del images
         return None
 
@@ -227,7 +227,7 @@ class BranchingMapper(Mapper):
     def finish(self, placed: Mapping[int, tuple[int, Placement]] | None = None) -> FinalMap:
         """Return the partition of all images so far; `placed` says where leftovers end, if `place` was asked already.
 
-        The map itself stays as it is: `step` may go on afterwards.
+        The map itself stays as it is: `step` may be called afterwards.
         """
 
     def step(self, description: Description) -> Step:

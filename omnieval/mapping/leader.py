@@ -1,7 +1,8 @@
 """The leader: an image joins the nearest node if it is near enough, and else makes one (Hartigan 1975, chapter 3).
 
-The control that every method should beat: no second level, no second thoughts. How near is near enough is a multiple of
-how far successive images have been from each other so far (running median), so that it fits any descriptor.
+The control that every method should beat: it has one level only, and never changes a decision. How near is near enough
+is a multiple of how far successive images have been from each other so far (running median), so that it fits any
+descriptor.
 """
 
 from __future__ import annotations

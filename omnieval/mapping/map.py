@@ -1,6 +1,6 @@
 """The map as an artefact: nodes, the images they hold, and the descriptions by which an image finds itself in it.
 
-Arrays only, none of which can be changed: whoever asks something of a map leaves it as it is.
+Arrays only, none of which can be changed: no query changes a map.
 """
 
 from __future__ import annotations

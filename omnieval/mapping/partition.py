@@ -11,7 +11,7 @@ from omnieval.mapping.step import EventKind, NodeEvent, Step
 class Partition:
     """Labels of the images, kept up to date by applying Steps in their order.
 
-    Nothing is decided here: whoever has the Steps of a replay, live or read back from its table, gets the same
+    Nothing is decided here: from the Steps of a replay, live or read back from its table, one gets the same
     labels as the mapper had.
     """
 

@@ -250,7 +250,7 @@ class Step:
         return next((one for one in self.comparisons if one.gate == gate), None)
 
     def seen_by(self, settings: Any) -> Step:
-        """Return the step as a mapper with other `settings` reports it, for which every comparison comes out the same.
+        """Return the step as a mapper with other `settings` reports it, for which every comparison has the same result.
 
         It has that mapper's thresholds and no curves, whose level is another one.
         """

@@ -1,7 +1,7 @@
 """Many settings of one mapper at once, in one tree: what they have in common is computed once.
 
-Two mappers map alike until a comparison comes out differently. So all of them begin as one mapper; where the
-comparisons of a step tell that some would have gone another way, these go on with a mapper of their own. Every
+Two mappers decide alike until a comparison has another result. So all of them begin as one mapper; where the
+comparisons of a step tell that some would have gone another way, these continue with a mapper of their own. Every
 setting gets, to the bit, what a mapper of its own would have given it. It works for every mapper that says in its
 comparisons all that the swept parameters decide (`BranchingMapper.swept`).
 
@@ -37,12 +37,12 @@ class Region(Protocol):
 
     @property
     def alone(self) -> bool:
-        """Whether it is one configuration, which never parts."""
+        """Whether it is a single configuration, which cannot be divided further."""
         ...
 
     @property
     def representative(self) -> BaseModel:
-        """One of them."""
+        """The setting that stands for all of them."""
         ...
 
     def split(self, comparisons: Sequence[Comparison]) -> tuple[Self, list[Self]]:
@@ -131,7 +131,7 @@ class Branch(Generic[R]):
     region
         The settings.
     mapper
-        Theirs.
+        The mapper of these settings.
     seconds
         What each of them has cost: the time of a step is divided among those who took it.
     trail
@@ -280,7 +280,7 @@ class _Placing(Generic[R]):
 
 
 def _place(mapper: BranchingMapper, frame: int, placings: list[_Placing[R]]) -> list[_Placing[R]]:
-    """Place a leftover for all settings of a branch, which may part over it."""
+    """Place a leftover for all settings of a branch, which may have to be divided for it."""
     known: list[tuple[list[Comparison], tuple[int, Placement]]] = []
     parted: list[_Placing[R]] = []
     for placing in placings:

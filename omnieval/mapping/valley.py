@@ -150,7 +150,7 @@ class Valley(Mapper):
     def _is_valley(self, value: float, journal: Journal) -> bool:
         """Return whether the value has come far enough out of a valley; there is no other before it has fallen as far.
 
-        So a rise that goes on is no second valley. What the value is held against is its lowest, then its highest.
+        So a rise that goes on is not a second valley. What the value is compared with is its lowest, then its highest.
         """
         ends = turned = False
         if len(self._values) >= self.settings.warm_up:

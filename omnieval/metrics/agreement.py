@@ -1,4 +1,4 @@
-"""Agreement of a map with room labels: how far nodes and rooms part the images alike.
+"""Agreement of a map with room labels: how far nodes and rooms divide the images in the same way.
 
 Rand index adjusted for chance: Hubert and Arabie 1985, doi 10.1007/BF01908075. Mutual information normalised by the
 arithmetic mean of the entropies: Vinh, Epps and Bailey 2010, JMLR 11. Homogeneity and completeness: Rosenberg and
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class RoomAgreement:
-    """How far nodes and rooms part the images alike; every number is 1 when they do exactly.
+    """How far nodes and rooms divide the images in the same way; every number is 1 when they do exactly.
 
     Attributes
     ----------

@@ -63,7 +63,7 @@ def shape(nodes: Sequence[int], edges: Iterable[tuple[int, int]]) -> Shape:
 
 
 def coverage(places: NDArray[np.float64], ground: Ground, within: float) -> Proportion:
-    """Count the images within so many metres of a node.
+    """Count the images within this many metres of a node.
 
     Parameters
     ----------

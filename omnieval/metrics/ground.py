@@ -23,7 +23,7 @@ THETAS = (0.5, 1.0, 2.0, 3.0)
 ROUNDING_M = 1e-9
 """What a distance may exceed its limit by: positions are rounded, and 20 times 0.1 m is within 2 m."""
 NO_LENGTH_M = 1e-15
-"""How long a link between images at one position is: of a sparse graph, what is 0 is no link."""
+"""How long a link between images at one position is: of a sparse graph, what is 0 is not a link."""
 APART_S = 10.0
 """Images so near in time (W) are near in space because the robot has hardly moved."""
 STEP_M = 0.5
@@ -67,7 +67,7 @@ class Clock:
         return cls(np.arange(images, dtype=np.int64), _PER_SECOND_UNTIMED)
 
     def span(self, seconds: float) -> int:
-        """Return so many seconds in the unit of the stamps."""
+        """Return this many seconds in the unit of the stamps."""
         return round(seconds * self.second)
 
     def of_images(self, images: NDArray[np.int64]) -> Clock:
@@ -212,7 +212,7 @@ class Ground:
 
 
 def _joined(groups: NDArray[np.int64], one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the groups of images when some pairs of these are linked besides."""
+    """Return the groups of images when some pairs of these are linked as well."""
     count = int(groups.max()) + 1
     links = coo_array((np.ones(len(one), np.bool_), (groups[one], groups[other])), shape=(count, count))
     merged: NDArray[np.int64] = connected_components(links, directed=False)[1].astype(np.int64)

@@ -1,6 +1,6 @@
 """Whether pairs of images that share a node lie at one place, and the other way round.
 
-Pairs are of images more than W (`ground.APART_S`) apart in time: that the next image shares a node is no merit.
+Pairs are of images more than W (`ground.APART_S`) apart in time: that the next image shares a node is not a merit.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ _Z = 1.959963984540054
 
 @dataclass(frozen=True, slots=True)
 class Proportion:
-    """So many of so many.
+    """A count out of a total, such as 8 of 10.
 
     Examples
     --------

@@ -99,7 +99,7 @@ class Measure:
     count
         Of what it is the share, or over how many it is taken; None where nothing is counted.
     low, high
-        Wilson's 95 % interval of a share; None of what is no share.
+        Wilson's 95 % interval of a share; None of what is not a share.
     """
 
     metric: str

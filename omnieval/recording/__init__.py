@@ -9,7 +9,7 @@ from omnieval.errors import ConfigError
 
 @dataclass(frozen=True)
 class RecordingOptions:
-    """How much to record, and who watches.
+    """How much to record, and which viewer shows it live.
 
     Attributes
     ----------

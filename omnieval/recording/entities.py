@@ -68,7 +68,7 @@ PAGE = "/page"
 TRAIL_STEPS = 60
 """How far back the robot's trail reaches on the map."""
 NEAR_STEPS = 40
-"""How far the lanes near the step reach, either side: each state is then wide enough for its name."""
+"""How many steps the lanes near the step show on either side: each state is then wide enough for its name."""
 
 
 def application_id(method: Method) -> str:

@@ -84,7 +84,7 @@ def progress(title: str = "images") -> Callable[[int, int], None]:
     Raises
     ------
     OmnievalError
-        If this is no notebook.
+        If this is not a notebook.
     """
     try:
         notebook: Any = import_module("IPython.display")

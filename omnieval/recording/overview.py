@@ -34,7 +34,7 @@ HEADING_METRES = 0.6
 class Overview:
     """Draws the map step by step.
 
-    All images with their colours are drawn anew only when labels have changed or after some sqrt(n) steps; in
+    All images with their colours are drawn again only when labels have changed or after some sqrt(n) steps; in
     between, only the images since then. So a recording does not grow with the square of its steps.
 
     Parameters

@@ -52,7 +52,7 @@ def why_row(scene: Scene, method: Method) -> tuple[str, Page]:
     for label, text in _paragraphs(lines(scene, method)):
         said.setdefault(label, text)
     flip = "; ".join(flip.text for flip in flips(step, method) if flip.passed is closed)
-    # A count that passes says nothing, nor does what an accepted image was held against besides.
+    # A count that passes says nothing, nor does what an accepted image was compared with besides.
     gates = [
         one.gate
         for one in step.comparisons

@@ -69,7 +69,7 @@ class RecordingInfo:
 class Recorder:
     """Turns Steps into a recording; a context manager.
 
-    Whatever happens to the recording, the replay goes on: after the file or the viewer has failed, `log` does
+    Whatever happens to the recording, the replay continues: after the file or the viewer has failed, `log` does
     nothing more, and `failure` says what happened. A file grows as ``NAME.partial.rrd`` and gets its name from
     `close`.
 
@@ -80,7 +80,7 @@ class Recorder:
     info
         What to say about the run.
     options
-        How much to record, and who watches.
+        How much to record, and which viewer shows it live.
 
     Raises
     ------
@@ -170,7 +170,7 @@ class Recorder:
         self._stream.add(rows)
 
     def finish(self, final: FinalMap | None, description: str) -> None:
-        """Record what the run has come to: the page with metrics and, unless it was cut short, the final map."""
+        """Record the results: the page with metrics and, unless it was cut short, the final map."""
         self._stream.static(entities.PAGE, rr.TextDocument(description, media_type=rr.MediaType.MARKDOWN))
         if final is None or self._stream.ended:
             return

@@ -1,4 +1,4 @@
-"""The stream into Rerun: rows gathered into columns, and a sink that may fail without anybody waiting for it."""
+"""The stream into Rerun: rows gathered into columns, and a sink whose failure never blocks the process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Content = rr.AsComponents | list[rr.DescribedComponentBatch]
 FLUSH_STEPS = 50
 """Steps gathered before they are sent; a killed process loses at most these."""
 LIVE_FLUSH_STEPS = 10
-"""Steps gathered before they are sent while somebody watches."""
+"""Steps gathered before they are sent while a viewer shows them live."""
 
 _FLUSH_SECONDS = 10.0
 
@@ -182,7 +182,7 @@ class Stream:
         self._ended = self._ended or ended
 
     def _do(self, action: Callable[[], None]) -> None:
-        """Hold Rerun to its word, and keep to ourselves what it raises."""
+        """Call Rerun, and remember its errors instead of raising them."""
         if self._ended:
             return
         try:

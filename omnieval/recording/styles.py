@@ -42,7 +42,7 @@ CLOSURES: tuple[tuple[float, str, int, float], ...] = (
     (3.0, "< 3 m", 0xC4B56CFF, 2.0),
     (float("inf"), "> 3 m: wrong", 0xFFEA46FF, 2.5),
 )
-"""How a loop closure is drawn by the true distance between its two images: up to so many metres, what the legend
+"""How a loop closure is drawn by the true distance between its two images: up to this many metres, what the legend
 says, colour, line width. The colours are cividis, which people of any colour vision see as a scale from dark to bright;
 the darkest is lighter than there, to stand out from a black background."""
 
@@ -57,7 +57,7 @@ ROOM_COLORS = (
     0x999933FF,
     0x882255FF,
 )
-"""Colours of the first rooms, as they come: Paul Tol's muted scheme, told apart by people of any colour vision, with
+"""Colours of the first rooms, as they come: Paul Tol's muted scheme, distinguished by people of any colour vision, with
 its indigo made lighter for the black ground."""
 
 VALUE_COLOR = 0x4CA3FFFF

@@ -1,1 +1,1 @@
-"""The silhouette gate: replays against a committed reference, so that a worse map is noticed when it is made."""
+"""The silhouette gate: replays against a committed reference, so that a worse map is noticed."""

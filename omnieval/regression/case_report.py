@@ -1,4 +1,4 @@
-"""What a check comes to: one report a case, and the words and objects that say it."""
+"""The results of a check: one report per case, and the words and objects that say it."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ class CaseReport:
 
     @property
     def failed(self) -> bool:
-        """Whether the gate stays shut."""
+        """Whether the check fails for this report."""
         return self.error is not None or self.worse
 
 
 def table_rows(reports: Sequence[CaseReport]) -> list[dict[str, str]]:
-    """Return the table of expected, got, difference: one row a guarded value, as text."""
+    """Return the table of expected, got, difference: one row per guarded value, as text."""
     return [row for report in reports for row in _rows(report)]
 
 
 def explanations(report: CaseReport) -> Iterator[str]:
-    """Yield lines that say what a report's numbers do not: faults, the step at which decisions part, and why."""
+    """Yield lines that say what a report's numbers do not: faults, the first step that differs, and why."""
     if report.fault is not None:
         yield report.fault
     if parting := report.parting:
@@ -101,7 +101,7 @@ def failure(reports: Sequence[CaseReport], reference: Path) -> OmnievalError | N
     named = "; ".join(lines[:_NAMED_FAILURES])
     more = f"; and {len(lines) - _NAMED_FAILURES} more" if len(lines) > _NAMED_FAILURES else ""
     if any(report.worse for report in reports):
-        return RegressionError(f"{reference} does not hold: {named}{more}; if this is meant, accept it with --update")
+        return RegressionError(f"{reference} is not met: {named}{more}; if this is intended, accept it with --update")
     worst = max((report.error for report in reports if report.error), key=lambda error: error.exit_code)
     return type(worst)(f"{reference} could not be checked: {named}{more}")
 

@@ -45,7 +45,7 @@ class Job:
     cut
         Which of its frames.
     skipped
-        Images that are left out because they are not fit for use; None if nobody asks for that.
+        Images that are left out because they are not fit for use; None if `skip_bad` is not asked for.
     parameters
         What finds the components, and all parameters by name.
     """
@@ -72,12 +72,13 @@ class Job:
         Raises
         ------
         ConfigError
-            If it went on from the map of another, which no case can tell.
+            If it continued from the map of another, which a case cannot describe.
         """
         manifest = run.manifest
         if "continues" in manifest:
             raise ConfigError(
-                f"{run.folder} goes on from the map of another run, which no case can tell; check that one"
+                f"{run.folder} continues from the map of another run, which a case cannot describe; check that run "
+                "instead"
             )
         return Job.of(manifest["source"], Selection(run.config, Cut(**manifest["cut"])), left_out(run))
 
@@ -116,7 +117,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Target:
-    """A run or a source that is held against a reference.
+    """A run or a source that is compared with a reference.
 
     Attributes
     ----------
@@ -125,7 +126,7 @@ class Target:
     job
         What it replayed, or what is to be replayed.
     cases
-        The cases that it is held against.
+        The cases that it is compared with.
     """
 
     run: Run | None
@@ -134,7 +135,7 @@ class Target:
 
 
 def target_of(target: str, selection: Selection | None, cases: Sequence[Case]) -> Target:
-    """Return what a run folder or source is held against: its one case, or without `selection` all of its source.
+    """Return what a run folder or source is compared with: its one case, or without `selection` all of its source.
 
     Raises
     ------
@@ -196,7 +197,7 @@ def selection_of(case: Case) -> Selection:
 
 
 def left_out(run: Run) -> tuple[str, ...] | None:
-    """Return the images that a run left out because they are not fit for use; None if nobody asked for that."""
+    """Return the images that a run left out because they are not fit for use; None if `skip_bad` was not asked for."""
     skipped = run.manifest.get("skipped")
     return None if skipped is None else tuple(bad["file"] for bad in skipped)
 

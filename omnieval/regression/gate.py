@@ -148,7 +148,9 @@ def _in_processes(replays: Sequence[_Replay], jobs: int, progress: Progress | No
                     progress(count, len(futures))
             return [future.result() for future in futures]
     except BrokenExecutor as error:
-        raise ResultError("a process of the check was ended from outside; check again with fewer --jobs") from error
+        raise ResultError(
+            "a process of the check was killed from outside; run the check again with fewer --jobs"
+        ) from error
 
 
 def _make(source: str) -> None:
@@ -165,7 +167,7 @@ def _done(replay: _Replay, progress: Progress | None) -> list[CaseReport]:
         with replayed(case.source, selection_of(case), progress, save_map=bool(replay.localizations)) as run:
             if left_out(run) != case.skipped:
                 was, now = (", ".join(files or ()) or "none" for files in (case.skipped, left_out(run)))
-                raise DatasetError(f"the bad images of {case.source} are {now}, not {was}; put the images right")
+                raise DatasetError(f"the bad images of {case.source} are {now}, not {was}; correct the images")
             report = _compare(case, run, replay.reference)
             seconds = time.perf_counter() - started
             found = list(reports_of(replay.localizations, run, progress))
@@ -195,13 +197,13 @@ def _changes(made: Made, run: Run, *, code: bool) -> Iterator[str]:
     fingerprint = run.manifest.get("dataset_fingerprint")
     # The fingerprint of a run that did not end is of the images it came to: fewer, not others.
     if run.status == "complete" and fingerprint not in {None, made.dataset_fingerprint}:
-        yield "images, poses or labels are not those the reference was made with"
+        yield "images, poses or labels are not those that the reference was made with"
     for kind, then, now in (
         ("mapper", made.mapper_code, run.config.mapper.code),
         ("descriptor", made.descriptor_code, run.config.descriptor.code),
     ):
         if code and then and then != now:
-            yield f"the code of the {kind} is not that the reference was made with"
+            yield f"the code of the {kind} has changed since the reference was made"
 
 
 def _parting(case: Case, run: Run, reference: Path) -> tuple[Parting | None, tuple[str, ...]]:

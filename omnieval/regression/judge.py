@@ -1,4 +1,4 @@
-"""A replay held against its case: one verdict a guarded value."""
+"""A replay compared with its case: one verdict per guarded value."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Metrics = Mapping[str, float | int | None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one guarded value.
+    """The judgement of one guarded value.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from omnieval.wording import shown
 
 
 def write_junit(reports: Sequence[CaseReport], path: Path) -> None:
-    """Write one test suite a case and one test case a guarded value.
+    """Write one test suite per case and one test case per guarded value.
 
     Raises
     ------

@@ -32,7 +32,7 @@ TOLERANCES = {"recall@1": 0.05, "error_mean": 0.1, "node_accuracy": 0.05}
 
 @dataclass(frozen=True)
 class Answers:
-    """What came of one localisation: metrics by strategy, their intervals where asked for, and how it was made."""
+    """The results of one localisation: metrics by strategy, their intervals where asked for, and how it was made."""
 
     metrics: dict[str, dict[str, float | int | None]]
     within: dict[str, dict[str, Estimate]]
@@ -57,7 +57,7 @@ def answers_of(
 
     Returns
     -------
-    What came of each, by name, or why nothing did.
+    The results of each, by name, or why there are none.
     """
     alike = groupby(sorted(cases, key=_manner), key=_manner)
     return {
@@ -193,6 +193,6 @@ def _changes(case: LocalizationCase, found: Answers, *, explain: bool) -> Iterat
     if case.made is None:
         return
     if found.made.dataset_fingerprint != case.made.dataset_fingerprint:
-        yield "images, poses or labels are not those the reference was made with"
+        yield "images, poses or labels are not those that the reference was made with"
     if explain and found.made.map_digest != case.made.map_digest:
-        yield f"the map of {case.map} is not that the reference was made with"
+        yield f"the map of {case.map} has changed since the reference was made"

@@ -1,4 +1,4 @@
-"""The reference file: what replays are expected to come to, as TOML that people read, edit and commit.
+"""The reference file: the expected results of replays, as TOML that people read, edit and commit.
 
 schema_version = 2
 
@@ -33,7 +33,7 @@ map = "synthetic-cloudy-hog"        # the case whose map it is
 query = "synthetic:night"           # what is looked for in it
 within = 0.5                        # up to how many metres two images show the same place; optional
 
-[localization.expected.levels]      # a table a strategy; without any, --update makes those of the default guards
+[localization.expected.levels]      # a table per strategy; without any, --update makes those of the default guards
 "recall@1" = { value = 0.41, tolerance = 0.05 }
 
 [localization.made]
@@ -85,7 +85,7 @@ _SECTIONS = ("parameters", "expected", *STRATEGIES, "made", "versions")
 
 
 class Guard(BaseModel):
-    """The expected value of a metric, and what a replay is held against: a tolerance, or its interval.
+    """The expected value of a metric, and what a replay is compared with: a tolerance, or its interval.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class Case(BaseModel):
     cut
         Which of its frames.
     skipped
-        Images that were left out because they are not fit for use; None if nobody asked for that.
+        Images that were left out because they are not fit for use; None if `skip_bad` was not asked for.
     trace
         File of the decision trace, relative to the reference; None if there is none.
     mapper, descriptor
@@ -247,7 +247,7 @@ class LocalizationCase(BaseModel):
     cut
         Which of its frames.
     within
-        Up to how many metres two images show the same place.
+        Two images at most this far apart show the same place.
     expected
         Guards by strategy and metric; empty where none was made yet.
     made
@@ -447,7 +447,7 @@ def _renew(table: Any, before: Mapping[str, Any], after: Mapping[str, Any]) -> N
 def _case(table: dict[str, Any], path: Path) -> Case:
     expected = table.pop("expected", {})
     if not isinstance(expected, dict):
-        raise ConfigError(f"{path}: expected of case {table.get('name')} is no table")
+        raise ConfigError(f"{path}: expected of case {table.get('name')} is not a table")
     guards = {name: guard for name, guard in expected.items() if name != "nodes"}
     for name in guards:
         if name not in METRICS:

@@ -57,19 +57,19 @@ def write_trace(steps: pl.DataFrame, path: Path) -> None:
 
 
 def read_trace(path: Path) -> pl.DataFrame:
-    """Read a trace, one row a step.
+    """Read a trace, one row per step.
 
     Raises
     ------
     ResultError
-        If it cannot be read or is no trace.
+        If it cannot be read or is not a trace.
     """
     try:
         trace = pl.read_parquet(path)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise ResultError(f"cannot read the decision trace {path}: {error}; make it again with --update") from error
     if trace.schema != _SCHEMA:
-        raise ResultError(f"{path} is no decision trace: its columns are {', '.join(trace.columns)}")
+        raise ResultError(f"{path} is not a decision trace: its columns are {', '.join(trace.columns)}")
     return trace
 
 

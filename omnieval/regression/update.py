@@ -1,4 +1,4 @@
-"""The update: what replays come to now becomes what is expected, and what that changes is said."""
+"""The update: the present results of replays become the expected ones, and the changes are reported."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ GUARDED = (
     *("rooms_ari", "rooms_nmi"),
     *("pair_f1", "reentry_f1"),
 )
-"""What a new case guards; any other metric can be written into it. Of the other shares neither way is better; the
+"""What a new case guards; any other metric can be written into it. Of the other shares neither direction is better; the
 controls are no property of the map; homogeneity, completeness and purity rise or fall with the number of nodes."""
 
 
@@ -105,7 +105,7 @@ def update(
     intervals: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Change, ...]:
-    """Take what replays come to now as what is expected, and write the reference, or make it.
+    """Take the present results of replays as the expected ones, and update the reference, or create it.
 
     Targets and selection are those of `check`; a source that has no case gets one, with `selection` or the defaults.
     Of a case that is there already, name, parameters, guarded metrics and tolerances stay. Localisations are renewed
@@ -203,10 +203,10 @@ def _renewed_in(
 def _refuse_changed(run: Run) -> None:
     """Refuse a run folder that is not complete, or whose images, descriptor or descriptions are not there any more."""
     if run.status != "complete":
-        raise ResultError(f"{run.folder} is {run.status}: there is nothing to expect of it; replay it again")
+        raise ResultError(f"{run.folder} is {run.status}: it cannot say what to expect; replay it again")
     try:
         with reopened(run) as material:
-            for _ in material.described:  # held against the run until the last
+            for _ in material.described:  # compared with the run until the last
                 pass
     except OmnievalError as error:
         raise type(error)(f"{run.folder} cannot be a case: {error}") from error
@@ -248,7 +248,7 @@ def _renew(old: Case | None, run: Run, cases: Sequence[Case], how: _How) -> _Ren
         new = new.model_copy(update=changed)
         if faults := differing(job.parameters, Job.of_case(new).parameters):
             said = ", ".join(f"{parameter} {one}" for parameter, (one, _) in faults.items())
-            raise ResultError(f"a reference has no words for {said}")
+            raise ResultError(f"a reference cannot hold {said}")
     except OmnievalError as error:
         raise type(error)(f"{name} cannot be a case: {error}") from error
     return _Renewed(old, new, run.steps.select("file", *DECISION))
@@ -321,7 +321,7 @@ def _parting(old: Case, steps: pl.DataFrame, reference: Path) -> Parting | None:
     try:
         trace = read_trace(reference.parent / old.trace)
     except ResultError:
-        return None  # Lost or damaged: this update writes it anew.
+        return None  # Lost or damaged: this update writes it again.
     return first_parting(trace, steps)
 
 

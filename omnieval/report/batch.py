@@ -30,7 +30,7 @@ class Curves:
     Attributes
     ----------
     table
-        One row a method and number of clusters: method, k, silhouette (null where there is none).
+        One row per method and number of clusters: method, k, silhouette (null where there is none).
     origin
         A sentence.
     """
@@ -107,7 +107,7 @@ def batch_figure(curves: Curves, replays: Sequence[Replay], subject: str) -> Fig
 
 
 def batch_at(curves: Curves, nodes: int) -> float | None:
-    """Return the silhouette of batch spectral clustering with so many clusters, None if it was not computed."""
+    """Return the silhouette of batch spectral clustering with this many clusters, None if it was not computed."""
     found = curves.table.filter((pl.col("method") == SPECTRAL) & (pl.col("k") == nodes))
     return None if found.is_empty() else found["silhouette"][0]
 

@@ -48,7 +48,7 @@ def curves_figure(replay: Replay, step: Step, labels: NDArray[np.int64], *, chos
         caption=sentences(
             [
                 f"How similar image {step.frame} is to each image of the map, in the order of nodes and then time; "
-                "vertical lines part the nodes, whose numbers stand above.",
+                "vertical lines separate the nodes, whose numbers stand above.",
                 f"Images of nodes that refused it ({_refused_words(curves, labels, borders)}) have similarity 0.",
                 f"The diamond is the best match, image {match.frame} of node {match.node}; dots are the "
                 f"{counted(peaks, 'peak')} of {names[-1]}.",
@@ -66,7 +66,7 @@ def curves_figure(replay: Replay, step: Step, labels: NDArray[np.int64], *, chos
 
 
 def curve_rows(curves: Curves, labels: NDArray[np.int64]) -> pl.DataFrame:
-    """Return one row an image of the map, in the order of the curve: where it stands, its node and similarities."""
+    """Return one row per image of the map, in the order of the curve: where it stands, its node and similarities."""
     order = np.argsort(labels, kind="stable")
     order = order[labels[order] > 0]
     values = {name: _spread(curves, one) for name, one in curves.values.items()}

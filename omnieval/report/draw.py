@@ -91,7 +91,7 @@ def _renamed(svg: str, name: str) -> str:
 
 
 def _rounded(svg: str) -> str:
-    """Cut coordinates to a hundredth of a pixel, which halves the page."""
+    """Round coordinates to a hundredth of a pixel, which halves the size of the page."""
     return _GEOMETRY.sub(lambda part: _DECIMALS.sub(_two_decimals, part[0]), svg)
 
 

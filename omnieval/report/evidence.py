@@ -1,4 +1,4 @@
-"""What the tables of a replay do not hold, computed again: labels at every moment, descriptors, similarity curves."""
+"""Computes again what the tables of a replay do not hold: labels at every moment, descriptors, similarity curves."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def batch_curve(
 
     Returns
     -------
-    One row a number of clusters: k, silhouette, time_slices.
+    One row per number of clusters: k, silhouette, time_slices.
 
     Raises
     ------

@@ -25,11 +25,11 @@ class Figure:
     caption
         What one sees, and which figure of the paper it corresponds to. Plain text.
     alt
-        The same for somebody who cannot see it: kind, axes, and what stands out.
+        The same for readers who cannot see it: kind, axes, and what stands out.
     chart
         The drawing.
     data
-        What is drawn, one row a mark or value, to be read as a table.
+        What is drawn, one row per mark or value, to be read as a table.
     """
 
     key: str

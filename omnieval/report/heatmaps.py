@@ -60,7 +60,7 @@ def chosen_axes(varied: Mapping[str, Sequence[Any]]) -> tuple[str, ...]:
 
 
 def best_over_the_rest(rows: pl.DataFrame, axes: Sequence[str]) -> pl.DataFrame:
-    """Return one row a cell: the run with the highest silhouette over all other parameters, the first of equals."""
+    """Return one row per cell: the run with the highest silhouette over all other parameters, the first of equals."""
     ordered = rows.sort("silhouette", descending=True, nulls_last=True, maintain_order=True)
     best = ordered.group_by(axes, maintain_order=True).agg(
         pl.col("job", "nodes", "silhouette", "error").first(),

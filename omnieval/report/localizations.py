@@ -61,7 +61,7 @@ def localization_blocks(found: Localization, *, figures: bool) -> Iterator[Block
 
 
 def route_figure(found: Localization, posed: pl.DataFrame) -> Figure:
-    """Return the error of every query along the drive, a panel a sequence, a line a strategy."""
+    """Return the error of every query along the drive, a panel per sequence, a line per strategy."""
     sequences, strategies = _names(posed, "sequence"), _names(posed, "strategy")
     longest = max(len(posed.filter(sequence=one, strategy=strategies[0])) for one in sequences)
     stride = -(-longest // _MOST)
@@ -89,7 +89,7 @@ def route_figure(found: Localization, posed: pl.DataFrame) -> Figure:
 
 
 def cumulative_figure(found: Localization, posed: pl.DataFrame) -> Figure:
-    """Return the share of queries that were found within a distance, a panel a sequence, a line a strategy."""
+    """Return the share of queries that were found within a distance, a panel per sequence, a line per strategy."""
     sequences, strategies = _names(posed, "sequence"), _names(posed, "strategy")
     farthest = max(1.0, float(np.percentile(posed["error"].drop_nulls().to_numpy(), 99))) if _any(posed) else 1.0
     limits = farthest * np.linspace(0.0, 1.0, _SHARES) ** 2
@@ -119,7 +119,7 @@ def cumulative_figure(found: Localization, posed: pl.DataFrame) -> Figure:
 
 
 def lights_table(localizations: Sequence[Localization]) -> Table:
-    """Return the mean error of every query sequence in every map, a row a map, descriptor and strategy."""
+    """Return the mean error of every query sequence in every map, a row per map, descriptor and strategy."""
     queries = sorted({name for one in localizations for name in one.manifest["metrics"]})
     cells: dict[tuple[str, str, str], dict[str, Mapping[str, Any]]] = {}
     for one in localizations:
@@ -141,7 +141,7 @@ def lights_table(localizations: Sequence[Localization]) -> Table:
 
 
 def published_table() -> Table:
-    """Return what others published: theirs, and nothing that was run here."""
+    """Return the numbers that others published; none of them was computed here."""
     rows = tuple(
         (one.method, _as_published(one.cloudy), _as_published(one.night), _as_published(one.sunny)) for one in PUBLISHED
     )
@@ -149,7 +149,7 @@ def published_table() -> Table:
         "published-localization",
         "Published: mean errors on COLD-Freiburg, part A",
         ("method", "cloudy, m", "night, m", "sunny, m"),
-        (("Theirs, on the real images; nothing of it was run here", rows),),
+        (("Published by others, on the real images; none of it was run here", rows),),
         (
             "The map is seq2_cloudy3, the queries are seq2_cloudy2, seq2_night2 and seq2_sunny2.",
             "Sources: the READMEs of IndoorLocalizationSingleCNN and IndoorLocalizationSNN.",

@@ -1,4 +1,4 @@
-"""The methods of a sweep beside each other: every run with the mean and its interval, and who cannot be told apart."""
+"""The methods of a sweep beside each other: all runs, the mean with its interval, and what cannot be distinguished."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _ranks(ranked: Sequence[GroupRanks]) -> Figure:
     ]
     return Figure(
         key="ranks",
-        title="Mean ranks, and which methods cannot be told apart",
+        title="Mean ranks, and which methods cannot be distinguished",
         caption="Critical-difference diagrams: each point is the mean rank of a method over the cases that all "
         "finished, 1 the best. A bar joins neighbours of which no two differ significantly (Wilcoxon's test, "
         "corrected by Holm, 0.05). The paper has no such figure.",

@@ -30,7 +30,7 @@ class Published:
     silhouette, nodes
         Of the best map of the sweep.
     merge_y, omega
-        Its parameters.
+        The parameters of that map.
     batch_silhouette
         Of batch spectral clustering with as many clusters.
     """

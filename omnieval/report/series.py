@@ -24,7 +24,7 @@ def gate_figure(replay: Replay) -> Figure | Skipped:
     """Return x(C) over the number C of active nodes, with the steps the replay spent at each."""
     visited = visited_gates(replay)
     if visited.is_empty():
-        return Skipped("The gate x over the number of nodes", "no step of this replay asked a node")
+        return Skipped("The gate x over the number of nodes", "no step of this replay compared an image with a node")
     omega = float(replay.config.mapper.settings["omega"])
     last = max(_MOST_NODES, *visited["nodes"].to_list())
     line = [{"nodes": count, "x": gate_threshold(omega, count)} for count in range(1, last + 1)]

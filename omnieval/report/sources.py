@@ -53,7 +53,7 @@ class Replay:
     status
         How it ended.
     steps
-        One row a frame (`schemas.steps_schema`).
+        One row per frame (`schemas.steps_schema`).
     metrics
         Of the final map; empty if there is none.
     facts
@@ -175,7 +175,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Baseline:
-    """A baseline folder: one row a partition (`schemas.PARTITIONS`)."""
+    """A baseline folder: one row per partition (`schemas.PARTITIONS`)."""
 
     folder: Path
     status: str
@@ -213,7 +213,7 @@ def open_sources(paths: Iterable[Path]) -> Sources:
     Raises
     ------
     ResultError
-        If a path is no folder of results, cannot be read, holds nothing yet, or is named twice.
+        If a path is not a folder of results, cannot be read, holds nothing yet, or is named twice.
     """
     replays: list[Replay] = []
     sweeps: list[Sweep] = []
@@ -265,7 +265,7 @@ def replay_of(run: Run) -> Replay:
 
 
 def open_sweep(folder: Path) -> Sweep:
-    """Open an ablation; of one that did not end, the rows it came to.
+    """Open an ablation; of one that did not finish, its rows so far.
 
     Raises
     ------
@@ -312,7 +312,7 @@ def open_baseline(folder: Path) -> Baseline:
 
 
 def _whole(found: Localization) -> Localization:
-    """Refuse a localisation that has not come to its end, or whose table cannot be read.
+    """Refuse a localisation that did not finish, or whose table cannot be read.
 
     Raises
     ------

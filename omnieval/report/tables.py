@@ -36,7 +36,7 @@ _SUMMARY = {
 
 
 def summary_table(sources: Sources) -> Table:
-    """Return one row a replay, a best run of a sweep, and a baseline at its best k."""
+    """Return one row per replay, a best run of a sweep, and a baseline at its best k."""
     rows: list[tuple[Cell, ...]] = [
         (replay.title, replay.dataset, replay.mapper, replay.descriptor, len(replay.steps), *_measured(replay.metrics))
         for replay in sources.replays
@@ -174,7 +174,7 @@ def batch_table(sweeps: Sequence[Sweep], replays: Sequence[tuple[Replay, float |
         ),
         (("Here", tuple(rows)), *([(theirs_heading(sources), theirs)] if MAPPER in mappers else [])),
         (
-            "Batch clustering sees all images at once, and is told as many clusters as the map has nodes.",
+            "Batch clustering sees all images at once, and is given the number of nodes as the number of clusters.",
             *([_relation(sources)] if MAPPER in mappers else []),
         ),
     )
@@ -209,7 +209,7 @@ def _measured(values: Mapping[str, Any]) -> tuple[Cell, ...]:
 
 
 def _short(value: float | None) -> Decimal | None:
-    """Return a parameter without decimals that nobody set."""
+    """Return a parameter without meaningless decimals."""
     return None if value is None else Decimal(f"{value:g}")
 
 

@@ -1,4 +1,4 @@
-"""Runs beside each other: their figures in a table, and the first step at which two of them part."""
+"""Runs beside each other: their metrics in a table, and the first step at which two of them differ."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NOT_OF_THE_STEP = frozenset({"node_final", "placement", "forced", "milliseconds
 
 @dataclass(frozen=True)
 class Difference:
-    """The first step at which two runs part.
+    """The first step at which two runs differ.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Agreement:
     verdicts
         Whether each shared step has the same verdict in both, shape (n,).
     partitions
-        Whether the images so far are parted alike, whatever the nodes are called, shape (n,).
+        Whether the images so far are divided in the same way, whatever the nodes are called, shape (n,).
     final_ari
         Adjusted Rand index of the two final maps (each unassigned image by itself); None unless both runs are complete
         and of equal length.
@@ -96,7 +96,7 @@ def agreement(one: Run, other: Run) -> Agreement | None:
 
 
 def same_partition(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
-    """Return whether two labellings part the images alike, up to the names of the nodes.
+    """Return whether two labellings divide the images in the same way, up to the names of the nodes.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def matched_nodes(one: NDArray[np.int64], other: NDArray[np.int64]) -> dict[int,
 
 
 def first_difference(one: Run, other: Run) -> Difference | None:
-    """Return where two runs part, None if all their steps are equal to the bit."""
+    """Return where two runs first differ, None if all bits of all steps are equal."""
     left, right = one.steps, other.steps
     settled = [name for name in left.columns if name in right.columns and name not in _NOT_OF_THE_STEP]
     left, right = left.select(settled), right.select(settled)
@@ -149,7 +149,7 @@ def first_difference(one: Run, other: Run) -> Difference | None:
 
 
 def compare(runs: Sequence[Run], columns: Sequence[str] | None = None) -> pl.DataFrame:
-    """Return one row a run: its folder, all in which the runs differ that determines them, and all metrics.
+    """Return one row per run: its folder, all in which the runs differ that determines them, and all metrics.
 
     The most telling metrics come first. The time of the mapper for an image (`catalogue.UPKEEP`) is there if it is
     named.
@@ -159,7 +159,7 @@ def compare(runs: Sequence[Run], columns: Sequence[str] | None = None) -> pl.Dat
     runs
         At least one run.
     columns
-        What to tell of each besides its folder; default: source, status, what differs, and all metrics. Parameters in
+        What to show of each besides its folder; default: source, status, what differs, and all metrics. Parameters in
         which the runs are equal can be named as well.
 
     Raises

@@ -6,7 +6,7 @@ The **content hash** of a table is the BLAKE2b digest (16 bytes, hexadecimal) of
 2. for every column but those of `MEASURED`, in the order of the table: its name and its type, each as UTF-8 behind its
    length, and its values in the order of the rows.
 
-Values are a byte a row that says whether it is there (1) or null (0), followed by
+Values are a byte per row that says whether it is there (1) or null (0), followed by
 
 - for numbers, booleans and times their bits, so that floats are equal only to the bit, with zero in place of null,
 - for text and choices the length of each in bytes (0 for null), then all of them in UTF-8,

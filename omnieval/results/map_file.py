@@ -1,6 +1,6 @@
 """A map on disk: ``map.npz`` (arrays, uncompressed, nothing that executes when loaded) and ``map.json`` beside it.
 
-Orientation descriptors are nearly all of it, 16 kB an image of 256 cells x 16 bins.
+Orientation descriptors are nearly all of it, 16 kB per image of 256 cells x 16 bins.
 """
 
 from __future__ import annotations

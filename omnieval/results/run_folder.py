@@ -1,8 +1,8 @@
 """The run folder: ``runs/<sequence>-<descriptor>[-<n>]/``.
 
     run.json              what was run, its status, metrics and timings
-    steps.parquet         one row a frame: every decision and its evidence
-    nodes.parquet         one row a node
+    steps.parquet         one row per frame: every decision and its evidence
+    nodes.parquet         one row per node
     transitions.parquet   edges of the topological map
     quality.parquet       metrics of the map at every distance, with counts and intervals
     map.npz, map.json     the map with the descriptions of its images (`results.map_file`)
@@ -106,7 +106,7 @@ class Run:
 
     @property
     def steps(self) -> pl.DataFrame:
-        """One row a frame (`schemas.steps_schema`); of a run that did not end, the steps it came to."""
+        """One row per frame (`schemas.steps_schema`); of a run that did not finish, its steps so far."""
         whole = self.folder / "steps.parquet"
         if whole.exists():
             return self._table("steps")
@@ -117,12 +117,12 @@ class Run:
 
     @property
     def nodes(self) -> pl.DataFrame:
-        """One row a node (`schemas.NODES`)."""
+        """One row per node (`schemas.NODES`)."""
         return self._table("nodes")
 
     @property
     def transitions(self) -> pl.DataFrame:
-        """One row an edge of the topological map (`schemas.TRANSITIONS`)."""
+        """One row per edge of the topological map (`schemas.TRANSITIONS`)."""
         return self._table("transitions")
 
     @property
@@ -138,7 +138,7 @@ class Run:
 
     @property
     def quality(self) -> pl.DataFrame:
-        """One row a metric of the map's quality and distance (`schemas.QUALITY`)."""
+        """One row per metric of the map's quality and distance (`schemas.QUALITY`)."""
         return self._table("quality")
 
     @property
@@ -171,17 +171,17 @@ class Run:
 
 
 def method_of(manifest: dict[str, Any]) -> Method:
-    """Return the mapper that ``run.json`` tells of, which has no words of its own where that tells nothing.
+    """Return the mapper that ``run.json`` describes, which has no words of its own where that tells nothing.
 
     Raises
     ------
     ResultError
-        If it tells what no mapper can be.
+        If its description of the mapper is damaged.
     """
     try:
         return Method.model_validate(manifest.get("mapper") or {"name": "unknown"})
     except ValueError as error:
-        raise ResultError("run.json is damaged: it tells of no mapper that could be; run it again") from error
+        raise ResultError("run.json is damaged: what it says of the mapper cannot be read; run it again") from error
 
 
 def open_run(folder: str | Path) -> Run:
@@ -214,7 +214,7 @@ class RunWriter(ResultFolder):
     """
 
     when_abandoned: Callable[[], dict[str, Any]] | None = None
-    """What ``run.json`` is to say of the steps so far (`steps`) besides, should the run be left before its end."""
+    """What else ``run.json`` is to say of the steps so far (`steps`), should the run be left before its end."""
 
     def __init__(self, folder: str | Path, manifest: dict[str, Any], *, overwrite: bool = False) -> None:
         super().__init__(folder, KIND, manifest, files=FILES, overwrite=overwrite)

@@ -73,8 +73,8 @@ STEPS = table_schema(
         "milliseconds": pl.Float64,
     }
 )
-"""One row a frame: what every mapper says. All but `node_final`, `placement`, `forced` is known at the step itself. The
-columns that the mapper declares (`Column`) come before `milliseconds`."""
+"""One row per frame: what every mapper says. All but `node_final`, `placement`, `forced` is known at the step itself.
+The columns that the mapper declares (`Column`) come before `milliseconds`."""
 
 _COLUMN_TYPES: dict[str, type[pl.DataType]] = {"float": pl.Float64, "int": pl.Int32}
 
@@ -103,7 +103,7 @@ NODES = table_schema(
         "representative": pl.List(pl.Float32),
     }
 )
-"""One row a node that ever was. `created`, `activated`, `merged` are frames, `extent` the diagonal of the bounding
+"""One row per node that ever was. `created`, `activated`, `merged` are frames, `extent` the diagonal of the bounding
 box of those of its images that have a position (metres), `representative` the mean position descriptor,
 `representative_frame` the image nearest to it; null for nodes that merged into another."""
 
@@ -121,7 +121,7 @@ QUALITY = table_schema(
         "reason": pl.String,
     }
 )
-"""One row a metric and distance (`metrics.quality.Measure`)."""
+"""One row per metric and distance (`metrics.quality.Measure`)."""
 
 _METRICS: dict[str, type[pl.DataType]] = {
     metric.name: pl.Float64 if not metric.whole else pl.Int64 if metric.unit == "bytes" else pl.Int32
@@ -139,9 +139,9 @@ PARTITIONS = table_schema(
         "seconds": pl.Float64,
     }
 )
-"""One row a baseline partition: what made it, the metrics of a run, and the seconds it takes on its own, i.e. with the
-work that the rows of one table share. `k` is the number of clusters asked for, null where the method finds it itself;
-`similarity` is null where none is used."""
+"""One row per baseline partition: what made it, the metrics of a run, and the seconds it takes on its own, i.e. with
+the work that the rows of one table share. `k` is the number of clusters asked for, null where the method finds it
+itself; `similarity` is null where none is used."""
 
 
 FOUND: dict[str, type[pl.DataType]] = {
@@ -156,13 +156,13 @@ FOUND: dict[str, type[pl.DataType]] = {
     "room_accuracy": pl.Float64,
     "heading_error_median": pl.Float64,
 }
-"""What an ablation says of localisation, by the names that `localization.measures` gives."""
+"""The metrics of localisation in an ablation, by the names that `localization.measures` gives."""
 
 _PARAMETER_TYPES: dict[str, type[pl.DataType]] = {"float": pl.Float64, "int": pl.Int64, "text": pl.String}
 
 
 def parameter_type(field: FieldInfo) -> str:
-    """Return the type of the column of a parameter in a word; choices and names are text."""
+    """Return the name of the type of a parameter's column; choices and names are text."""
     types = set(get_args(field.annotation)) | {field.annotation}
     return "float" if float in types else "int" if int in types else "text"
 
@@ -170,7 +170,7 @@ def parameter_type(field: FieldInfo) -> str:
 def ablation_schema(parameters: Mapping[str, str]) -> pl.Schema:
     """Return the columns of an ablation whose components have these parameters, by name, with their types in words.
 
-    One row a run, in the order of its grid (`job`): the source, what was perturbed of it and as which replicate (null
+    One row per run, in the order of its grid (`job`): the source, what was perturbed of it and as which replicate (null
     if nothing was), mapper and descriptor, every parameter (null where the row's components have none of that name),
     the metrics of a run, those of looking for its images in the map of another sequence (`map`, by `strategy`; null
     where that was not asked for), the silhouette of batch spectral clustering with as many clusters as the map has

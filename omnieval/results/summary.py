@@ -23,11 +23,11 @@ _MAP_WIDTH, _MAP_HEIGHT, _MAP_BORDER = 320, 200, 4
 
 
 def summary_fields(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield (name, value) pairs that say what a complete run came to."""
+    """Yield (name, value) pairs that summarise a complete run."""
     metrics, timings = manifest["metrics"], manifest["timings"]
     yield "source", shown(manifest["source"])
     if earlier := manifest.get("continues"):
-        yield "goes on from", f"{shown(earlier['source'])}, the first {earlier['images']} frames ({earlier['run']})"
+        yield "continues from", f"{shown(earlier['source'])}, the first {earlier['images']} frames ({earlier['run']})"
     yield "frames", f"{manifest['frames']} in {timings['seconds']:.1f} s ({timings['frames_per_second']:.0f} frames/s)"
     if camera := manifest["camera"]:
         yield "camera", camera_in_words(camera)

@@ -21,7 +21,7 @@ Statistic = Callable[[NDArray[np.int32]], NDArray[np.float64]]
 """From how often each image counts in each resample, shape (b, n), to the value of each, shape (b,), NaN where none."""
 
 BLOCK_S = 10.0
-"""How long a block is."""
+"""How many seconds of images a block holds."""
 _AT_ONCE = 2_000_000
 """Counts held at a time."""
 

@@ -84,7 +84,7 @@ def tail(cases: float, wider: float = 1.0) -> float:
     cases
         How many are independent, more than 1.
     wider
-        Factor by which it is to be further out besides.
+        Another factor by which it is to be further out.
     """
     from scipy.stats import norm, t
 

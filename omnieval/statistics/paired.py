@@ -43,7 +43,7 @@ def paired_difference(one: NDArray[np.float64], other: NDArray[np.float64], *, s
     Parameters
     ----------
     one, other
-        A value a case, shape (n,), all finite.
+        A value per case, shape (n,), all finite.
     seed
         Root seed of the interval.
     """
@@ -66,7 +66,7 @@ def paired_difference(one: NDArray[np.float64], other: NDArray[np.float64], *, s
 
 
 def holm(ps: Sequence[float | None]) -> list[float | None]:
-    """Return the p-values of a family of tests, adjusted as Holm (1979) does; None stays None and is no test.
+    """Return the p-values of a family of tests, adjusted as Holm (1979) does; None stays None and is not a test.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Many methods on the same cases: their mean ranks, and which of them cannot be told apart."""
+"""Many methods on the same cases: their mean ranks, and which of them cannot be distinguished."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ def mean_ranks(values: NDArray[np.float64], *, higher_is_better: bool) -> Rankin
 
 
 def cliques(ranks: Sequence[float], told_apart: NDArray[np.bool_]) -> list[tuple[int, ...]]:
-    """Return the largest sets of methods, neighbours by rank, of which no two can be told apart.
+    """Return the largest sets of methods, neighbours by rank, of which no two can be distinguished.
 
-    They are what the bars of a critical-difference diagram join. Which are told apart is said by paired tests, not by
-    the mean ranks, which depend on what other methods take part (Benavoli et al. 2016,
+    They are what the bars of a critical-difference diagram join. Which are distinguished is said by paired tests, not
+    by the mean ranks, which depend on what other methods take part (Benavoli et al. 2016,
     jmlr.org/papers/v17/benavoli16a.html).
 
     Parameters

@@ -10,7 +10,7 @@ from omnieval.statistics.estimate import Estimate
 IntervalOf = Callable[[str], Estimate | None]
 """Gives the interval of a metric by its name; None where it has none."""
 _SAME = 1e-9
-"""By how much a metric that is computed again may differ."""
+"""Largest difference between a metric and the same metric computed again."""
 
 
 class Within:

@@ -68,7 +68,7 @@ class Thirds:
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """A descriptor and a mapper of one's own: where their classes are."""
+    """A descriptor and a mapper of your own: where their classes are."""
     folder = tmp_path_factory.mktemp("own")
     (folder / "tiny.py").write_text(WITH_SETTINGS)
     (folder / "thirds.py").write_text(THIRDS)
@@ -208,7 +208,7 @@ def test_one_parameter_under_two_names_is_noticed(axes, settings, words):
 def test_what_an_archive_cannot_have_is_not_varied(panoramas, tmp_path, vary, descriptor):
     file = tmp_path / "three.npz"
     omnieval.describe_archive(panoramas, file)
-    with pytest.raises(ConfigError, match=r"three\.npz holds descriptors and is taken as it is"):
+    with pytest.raises(ConfigError, match=r"three\.npz holds descriptors already"):
         omnieval.ablate(file, vary, mapper="leader", descriptor=descriptor, out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

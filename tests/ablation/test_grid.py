@@ -104,7 +104,7 @@ def test_every_fault_is_named_at_once():
 
 
 def test_a_value_that_stands_twice_is_refused():
-    with pytest.raises(ConfigError, match="omega: a value stands there twice"):
+    with pytest.raises(ConfigError, match="omega: a value is given twice"):
         swept("omega=1.7,1.70,2")
 
 

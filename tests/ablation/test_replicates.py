@@ -136,7 +136,7 @@ def test_halves_of_what_is_asked_are_refused(options, words):
 
 def test_what_cannot_be_perturbed_or_judged_is_refused(panoramas):
     changed = drawn("noise=2", 2)
-    with pytest.raises(ConfigError, match="has descriptors"):
+    with pytest.raises(ConfigError, match="holds descriptors"):
         make_plan(["some.npz"], [], perturbations=changed)
     with pytest.raises(ConfigError, match="perturbed already"):
         make_plan([f"{panoramas}#noise=1"], [], perturbations=changed)

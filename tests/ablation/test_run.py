@@ -153,7 +153,7 @@ def end_the_process(*arguments):
     ("jobs", "batch", "reason"),
     [
         (1, out_of_memory, "MemoryError: Unable to allocate 12 GiB"),
-        (2, end_the_process, "a worker process was killed, perhaps for want of memory"),
+        (2, end_the_process, "a worker process was killed, perhaps for lack of memory"),
     ],
 )
 def test_a_finished_sweep_is_not_lost_with_what_stands_beside_it(

@@ -1,4 +1,4 @@
-"""Baselines over a sequence: one row a partition, the metrics of a replay, a folder that is never half-written."""
+"""Baselines over a sequence: one row per partition, the metrics of a replay, a folder that is never half-written."""
 
 import json
 import shutil

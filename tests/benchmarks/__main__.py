@@ -28,7 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--only", nargs="*", choices=[*PARTS, "profile"], default=[*PARTS, "profile"], metavar="PART")
-    parser.add_argument("--growth", nargs="+", type=int, default=[], metavar="N", help="map walks of so many images")
+    parser.add_argument("--growth", nargs="+", type=int, default=[], metavar="N", help="map walks of this many images")
     options = parser.parse_args()
     figures: list[Figure] = []
     for name in options.only:

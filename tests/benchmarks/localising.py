@@ -32,7 +32,7 @@ SECOND_DRIVE = "cloudy, second drive"
 
 
 def main() -> None:
-    """Measure and print, a row a building."""
+    """Measure and print, a row per building."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.localising", description=__doc__)
     parser.add_argument("buildings", nargs="*", type=int, default=[1, 2, 3, 4, 5], metavar="BUILDING")
     parser.add_argument("--stride", type=int, default=1, metavar="N", help="look up every Nth image only")

@@ -84,7 +84,7 @@ def test_json_is_one_object(panoramas, tmp_path):
         (["{panoramas}", "--descriptor", "hog,gits"], 2, ["did you mean gist?"]),
         (["{panoramas}", "--preset", "table-4"], 2, ["unknown preset", "table-"]),
         (["{panoramas}", "--preset", "table-2", "--preset", "table-3"], 2, ["at most one"]),
-        (["{panoramas}", "--rrd", "all"], 2, ["only best"]),
+        (["{panoramas}", "--rrd", "all"], 2, ["the only choice is best"]),
         (["{panoramas}", "--axes", "none.toml"], 2, ["cannot read axes none.toml"]),
         (["nowhere", "elsewhere"], 3, ["nowhere", "elsewhere"]),
     ],

@@ -85,7 +85,7 @@ def test_help_shows_examples(tmp_path):
         (["{panoramas}", "--at-k-of", "nothing"], 2, ["not a run folder"]),
         (["{panoramas}", "--descriptor", "hogg"], 2, ["unknown descriptor"]),
         (["none.npz"], 3, ["none.npz"]),
-        (["none.npz", "--descriptor", "gist"], 2, ["none.npz holds descriptors and is taken as it is"]),
+        (["none.npz", "--descriptor", "gist"], 2, ["none.npz holds descriptors already"]),
         (["nowhere"], 3, ["nowhere"]),
     ],
 )

@@ -35,7 +35,7 @@ def check(cwd, *arguments):
 def fails_with_a_table(result, *words):
     assert result.returncode == 4
     (line,) = result.stderr.splitlines()
-    assert line.startswith("omnieval: ref/three.toml does not hold: ")
+    assert line.startswith("omnieval: ref/three.toml is not met: ")
     for word in ("expected", "got", "difference", *words):
         assert word in result.stdout
 

@@ -271,9 +271,9 @@ def test_a_map_goes_on_with_another_sequence(replayed, panoramas):
     on = ("replay", panoramas, "--limit", "4", "--no-rrd", "--out", "on", "--map", run)
     done = in_process(*on, cwd=cwd)
     assert (done.returncode, done.stderr) == (0, "")
-    assert re.search(rf"goes on from +\S+, the first 80 frames \(.*{run}\)\n", done.stdout)
+    assert re.search(rf"continues from +\S+, the first 80 frames \(.*{run}\)\n", done.stdout)
     assert len(open_run(cwd / "on").steps) == 84
-    fails(in_process(*on, *SMALL, cwd=cwd), 2, "goes on with its own mapper, descriptor and imaging")
+    fails(in_process(*on, *SMALL, cwd=cwd), 2, "continues with its own mapper, descriptor and imaging")
 
 
 def test_without_a_usable_cache_the_replay_goes_on_and_says_so(panoramas, tmp_path, monkeypatch):

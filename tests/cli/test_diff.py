@@ -65,8 +65,8 @@ def test_runs_over_other_images_are_compared_as_far_as_that_goes(two_runs, panor
     other = tmp_path / "other"
     arguments = ("replay", f"folder:{panoramas}", *SMALL, "--no-rrd", "--start", "10", "--out", other)
     assert in_process(*arguments, cwd=two_runs).returncode == 0
-    assert "the runs replay other images" in in_process("diff", "a", other, cwd=two_runs).stdout
-    fails(in_process("diff", "a", other, "--rrd", tmp_path / "x.rrd", cwd=two_runs), 2, "replay other images")
+    assert "the runs replay different images" in in_process("diff", "a", other, cwd=two_runs).stdout
+    fails(in_process("diff", "a", other, "--rrd", tmp_path / "x.rrd", cwd=two_runs), 2, "replay different images")
     assert not (tmp_path / "x.rrd").exists()
 
 
@@ -75,9 +75,9 @@ def test_a_prefix_agrees_as_far_as_it_goes(two_runs, panoramas, tmp_path):
     arguments = ("replay", f"folder:{panoramas}", *SMALL, "--no-rrd", "--limit", "33", "--out", short)
     assert in_process(*arguments, cwd=two_runs).returncode == 0
     text = in_process("diff", "a", short, cwd=two_runs).stdout
-    assert "one of the runs has ended" in text
+    assert "one of the runs ends here" in text
     assert "33 of 33 steps (100.0 %)" in text
-    assert "none: the runs are not complete and of one length" in text
+    assert "none: both runs must be complete and of equal length" in text
 
 
 @pytest.mark.parametrize(("arguments", "words"), [(["a"], ["B"]), (["a", "nothing"], ["nothing is not a run folder"])])

@@ -37,6 +37,11 @@ def test_one_run_is_opened_by_itself(two_runs, opened):
     assert opened == [Path("a/replay.rrd")]
 
 
+def test_a_recording_whose_name_is_misspelt_is_named(two_runs):
+    result = in_process("view", "a/replay.rd", cwd=two_runs)
+    fails(result, 2, "a/replay.rd is not a run folder: there is no such folder; did you mean replay.rrd?")
+
+
 def test_two_runs_are_opened_together_and_side_by_side(recorded, opened, tmp_path):
     result = in_process("view", "a", "c", cwd=recorded)
     assert result.returncode == 0
@@ -79,7 +84,7 @@ def test_of_several_what_has_no_recording_is_left_out_and_named(recorded, opened
     result = in_process("view", "a", "b", "notes", "c", cwd=recorded)
     assert result.returncode == 0
     assert opened == [Path("a/replay.rrd"), Path("c/replay.rrd")]
-    assert "left out, without a recording: b, notes; omnieval render RUN makes one" in result.stderr
+    assert "left out because they have no recording: b, notes; make one with: omnieval render RUN" in result.stderr
     assert "2 recordings: switch with" in result.stderr
 
 

@@ -1,4 +1,4 @@
-"""COLD as people keep it: a folder a room, all images in one folder, labels of the other camera."""
+"""COLD as people keep it: a folder per room, all images in one folder, labels of the other camera."""
 
 from __future__ import annotations
 

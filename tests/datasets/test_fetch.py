@@ -189,7 +189,7 @@ def test_an_archive_that_leaves_its_folder_is_refused(server, tmp_path, fill):
 @pytest.mark.parametrize("spoil", [lambda data: b"<html>please log in</html>", lambda data: data[: len(data) // 2]])
 def test_what_is_no_sound_archive_is_refused_and_not_remembered(server, archive, tmp_path, spoil):
     server.files[f"/mirror/{NAME}.tar"] = spoil(archive)
-    with pytest.raises(DatasetError, match="is no sound archive and was removed"):
+    with pytest.raises(DatasetError, match="is not a sound archive and was removed"):
         get(server, tmp_path)
     assert left(tmp_path) == []
     server.files[f"/mirror/{NAME}.tar"] = archive

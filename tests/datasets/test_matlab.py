@@ -94,7 +94,7 @@ def test_a_variable_of_monstrous_size_is_refused_before_it_is_unpacked():
     data = bytearray(mat(p=np.zeros((3, 3))))
     place = data.index(b"\x03\0\0\0\x03\0\0\0")
     data[place : place + 8] = b"\xff\xff\xff\x7f" * 2
-    with pytest.raises(DatasetError, match="no list of poses"):
+    with pytest.raises(DatasetError, match="not a list of poses"):
         read_columns(bytes(data), "p", transposed=False)
 
 

@@ -141,7 +141,7 @@ def test_card_and_weights_are_its_identity(model: Path) -> None:
         ("padding = 8", "padding = 6", "must be multiples of the network's stride"),
         ("rows = 32", "", "rows: Field required"),
         ("rows = 32", "rows = 32\nbatch = 0", "batch: Input should be greater than"),
-        ("input", "=", "is no TOML"),
+        ("input", "=", "is not valid TOML"),
     ],
 )
 def test_a_wrong_card_is_told(model: Path, old: str, new: str, said: str) -> None:

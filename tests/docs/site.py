@@ -49,6 +49,9 @@ STANDS_FOR = {
     "start=12": "start=2",
     ", jobs=2)": ")",
     "runs/house": "runs/mine",
+    # The pages render other buildings; a small world has only the first.
+    "synthetic:night:4": "synthetic:night",
+    "runs/three-mappers": "runs/ablation",
     # The first images of the building are all of one room.
     "--without-room 2PO2": "--map-limit 40",
     # Steps of the whole building.

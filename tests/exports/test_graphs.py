@@ -1,4 +1,4 @@
-"""The map as other programs read it, held against the tables of the run."""
+"""The map as other programs read it, compared with the tables of the run."""
 
 import dataclasses
 import json

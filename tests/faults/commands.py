@@ -78,7 +78,7 @@ def go(process):
 def one_ahead(loading):
     """Yield processes; while one is looked at, the next one loads its libraries."""
     waiting = next(loading)
-    for following in loading:  # which has begun to load before we go on with the one that waits
+    for following in loading:  # which has begun to load before we continue with the one that waits
         yield go(waiting)
         waiting = following
     yield go(waiting)

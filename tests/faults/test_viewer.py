@@ -57,7 +57,7 @@ def test_a_viewer_that_is_closed_costs_nothing_but_the_view(panoramas, replayed,
     assert code == 0
     ours = [line for line in err.splitlines() if line.startswith("omnieval: ")]
     assert len(ours) == 1
-    assert "the tables are not: the viewer was lost" in ours[0]
+    assert "(the tables are complete): the viewer was lost" in ours[0]
     assert "Traceback" not in err
     assert open_run(folder).content_hash == replayed.content_hash
     assert steps_recorded(folder / "replay.rrd") == len(replayed.steps)
@@ -81,7 +81,7 @@ def test_a_viewer_that_is_frozen_does_not_keep_the_replay_from_ending(panoramas,
     assert code == 0
     ours = [line for line in err.splitlines() if line.startswith("omnieval: ")]
     assert len(ours) == 1
-    assert "the recording may be incomplete, the tables are not: the viewer is frozen" in ours[0]
+    assert "the recording may be incomplete (the tables are complete): the viewer has not responded" in ours[0]
     assert "Traceback" not in err
     assert open_run(folder).content_hash == replayed.content_hash
     assert in_process("render", folder, "--no-images", cwd=tmp_path).returncode == 0
@@ -94,7 +94,7 @@ def test_a_port_that_somebody_else_has_is_refused_at_once(panoramas, tmp_path):
         arguments = ("replay", panoramas, *REPLAY, "--out", "run", "--connect", url(port))
         result = in_process(*arguments, cwd=tmp_path)
     assert (result.returncode, result.stdout) == (2, "")
-    assert "is no viewer" in one_line(result.stderr)
+    assert "is not a viewer" in one_line(result.stderr)
     nobody = in_process(*arguments, *(("--overwrite",) if begun(tmp_path / "run") else ()), cwd=tmp_path)
     assert nobody.returncode == 2
     assert "no viewer listens" in one_line(nobody.stderr)
@@ -108,6 +108,6 @@ def test_a_recording_that_cannot_be_written_costs_nothing_but_the_view(panoramas
     result = in_process("replay", panoramas, *REPLAY, "--out", "run", cwd=tmp_path)
     monkeypatch.undo()
     assert result.returncode == 0
-    assert "the recording may be incomplete, the tables are not" in one_line(result.stderr)
+    assert "the recording may be incomplete (the tables are complete): " in one_line(result.stderr)
     assert open_run(tmp_path / "run").content_hash == replayed.content_hash
     assert not open_run(tmp_path / "run").recording.exists()

@@ -22,7 +22,7 @@ def donuts(
     still=False,
     seed=0,
 ):
-    """Grey images of a scene under a mirror: blocks and texture, turned and tilted anew in every image unless `still`.
+    """Grey images of a scene under a mirror: blocks and texture, turned and tilted again in every image unless `still`.
 
     `aside` moves the blind spot away from the mirror's centre; `strut` draws a post from it downwards to the rim.
     """

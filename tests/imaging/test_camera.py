@@ -60,7 +60,7 @@ def test_a_sequence_that_grows_keeps_its_camera_if_its_first_images_tell_it(tmp_
 
 
 def test_a_robot_that_stands_at_first_is_seen_to_move_later(tmp_path, monkeypatch):
-    """On a background as bright as the scene the rim is no edge: only what moves tells it."""
+    """On a background as bright as the scene the rim is not an edge: only what moves tells it."""
     monkeypatch.setattr(Sequence, "FIRST_FRAMES", 8)
     mirror = Mirror(150.0, 125.0, 20.0, 90.0)
     moving = donuts(mirror, count=12, background="grey", seed=1)
@@ -81,7 +81,7 @@ def test_a_robot_that_never_moves_has_its_mirror_from_its_edges_and_a_warning(tm
 def test_wide_images_are_panoramas_when_nobody_says_and_that_is_said(tmp_path):
     camera = resolve_camera(a_sequence(tmp_path, panoramas(size=(64, 256)), Camera("auto")), ImagingConfig())
     assert (camera.kind, camera.told) == ("panoramic", False)
-    assert "taken for panoramas" in camera.origin
+    assert "treated as panoramas" in camera.origin
     assert "4 times as wide as high" in camera.origin
 
 

@@ -1,4 +1,4 @@
-"""Images found in the map of a small run, held against loops that compare one pair at a time."""
+"""Images found in the map of a small run, compared with loops that compare one pair at a time."""
 
 import json
 
@@ -237,7 +237,7 @@ class TestRefused:
         file.write_text(code)
         run = omnieval.replay(panoramas, descriptor=f"{file}:Own", config=CONFIG, out=tmp_path / "run", recording=False)
         file.write_text(code.replace("mean(axis=1)", "max(axis=1)"))
-        with pytest.raises(ResultError, match="own is not what it was"):
+        with pytest.raises(ResultError, match="own has changed since the run"):
             localize(run, panoramas, out=tmp_path / "out")
 
     def test_other_panoramas(self, mapped, darker, tmp_path):

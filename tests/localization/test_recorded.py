@@ -1,4 +1,4 @@
-"""The recording of a localisation, held against its table."""
+"""The recording of a localisation, compared with its table."""
 
 from pathlib import Path
 

@@ -109,7 +109,7 @@ def test_a_perfect_map_of_two_laps():
     ground, labels = Ground(LAPS, LAP_TIMES), np.tile(np.repeat([1, 2], 5), 2)
     scores = pair_scores(labels, ground, [0.5, 2.0])
     # Each image has its own place in the other lap; within 2 m, two before and two behind, at the ends fewer.
-    # Image 9 and image 10 to 11 of the other lap are far, and so is no pair within a lap (at most 18 s apart).
+    # Image 9 and image 10 to 11 of the other lap are far, and so is not a pair within a lap (at most 18 s apart).
     assert (scores[0.5].near, scores[0.5].both) == (10, 10)
     assert (scores[2.0].near, scores[2.0].both) == (10 + 2 * 9 + 2 * 8, 10 + 2 * 8 + 2 * 6)
     assert scores[2.0].recall.value == pytest.approx(38 / 44)

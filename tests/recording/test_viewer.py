@@ -196,7 +196,7 @@ def test_a_viewer_to_connect_to_has_to_listen():
 
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"SSH"])
 def test_who_listens_has_to_be_a_viewer(answer):
-    with listening(answer) as url, pytest.raises(ResultError, match="is no viewer; start one on another port"):
+    with listening(answer) as url, pytest.raises(ResultError, match="is not a viewer; start one on another port"):
         check_viewer(url)
 
 

@@ -1,6 +1,6 @@
 """A plain, slow second implementation of the mapping method, written from its description alone.
 
-It is the oracle the fast mapper is held against: loops instead of vectors, explicit inverse matrices, every roll
+It is the oracle the fast mapper is compared with: loops instead of vectors, explicit inverse matrices, every roll
 tried, every model refitted from scratch, float64 throughout. The method is that of doi 10.3390/app10186480.
 """
 

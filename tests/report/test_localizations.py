@@ -1,4 +1,4 @@
-"""Localisations in a report, held against the numbers of their folders."""
+"""Localisations in a report, compared with the numbers of their folders."""
 
 import base64
 import re
@@ -52,7 +52,7 @@ def test_every_light_stands_against_every_light_and_theirs_is_called_theirs(foun
     said = {row[2]: float(str(row[place])) for row in table.rows}
     assert said == pytest.approx(dict(found.measures.select("strategy", "error_mean").rows()), abs=5e-4)
     theirs = next(block for block in blocks(found.folder) if getattr(block, "key", "") == "published-localization")
-    assert theirs.groups[0][0].startswith("Theirs")
+    assert theirs.groups[0][0].startswith("Published by others")
     assert len(theirs.rows) == len(PUBLISHED)
 
 

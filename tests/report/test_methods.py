@@ -1,4 +1,4 @@
-"""Methods of a sweep are drawn with every case, their means and intervals, and the sets that cannot be told apart."""
+"""Methods of a sweep are drawn with every case, their means and intervals, and the sets that are alike."""
 
 from pathlib import Path
 

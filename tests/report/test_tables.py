@@ -121,7 +121,7 @@ def test_the_quality_of_a_map_is_told_at_every_distance(run):
     rows = {row[0]: row for row in table.rows}
     assert rows["pair f1"][3] == opened.metrics["pair_f1"]
     assert rows["coverage"][1] is None
-    assert "theirs" in table.notes[-1]
+    assert "their own numbers" in table.notes[-1]
 
 
 def test_a_run_from_before_there_was_a_quality_table_says_so(run, tmp_path):

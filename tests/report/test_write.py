@@ -269,7 +269,7 @@ def test_what_can_never_be_made_again_leaves_out_its_figures_with_a_sentence(pan
         "Similarity curves",
     ]
     for one in report.skipped:
-        assert "the descriptor local was an object that no file or package names" in one.reason
+        assert "the descriptor local was an object in memory, not in a file or package" in one.reason
         assert "the descriptor local was an object" in text
     assert any(name.endswith("map.svg") for name in report.files)
 

@@ -111,7 +111,7 @@ def test_diff_tells_equal_steps_from_equal_runs(panoramas, tmp_path):
     same = in_process("diff", "one", "same", cwd=tmp_path).stdout.splitlines()
     assert same == ["equal: all 80 steps", f"content hash: {one} | {one}"]
     other = in_process("diff", "one", "other", cwd=tmp_path).stdout.splitlines()
-    assert other[0] == "equal: all 80 steps as they were taken; what the end made of them differs"
+    assert other[0] == "equal: all 80 steps; only the final maps differ"
     assert other[1] == f"content hash: {one} | {open_run(tmp_path / 'other').content_hash}"
     said = json.loads(in_process("diff", "one", "other", "--json", cwd=tmp_path).stdout)
     assert (said["equal"], "difference" in said) == (False, False)

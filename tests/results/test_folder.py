@@ -307,5 +307,5 @@ def test_home_is_where_the_tilde_says(tmp_path, monkeypatch):
     assert open_run("~/run").folder == run.folder
     assert kind_of("~/run") == "replay"
     assert [path.name for path in tmp_path.iterdir()] == ["home"]
-    with pytest.raises(ResultError, match="no such home folder; give the path without ~"):
+    with pytest.raises(ResultError, match="no such home folder; write the path without ~"):
         RunWriter("~nobody-has-this-name/run", {})

@@ -1,4 +1,4 @@
-"""A folder written anew holds nothing of before that omnieval wrote, and all that somebody else did."""
+"""A folder written again holds nothing of before that omnieval wrote, and all that somebody else did."""
 
 import json
 

@@ -220,8 +220,8 @@ def test_the_next_free_name_is_numbered(tmp_path):
         ("{", "cannot read"),
         ('{"schema_version": 99}', "schema version 99"),
         ("[]", "None"),
-        ('{"schema_version": 3}', "nothing we know, not a replay"),
-        ('{"schema_version": 3, "kind": 7}', "nothing we know, not a replay"),
+        ('{"schema_version": 3}', "of an unknown kind, not a replay"),
+        ('{"schema_version": 3, "kind": 7}', "of an unknown kind, not a replay"),
         (
             '{"schema_version": 3, "kind": "replay", "status": 1}',
             "damaged: it has no status, process, started, metrics",

@@ -258,7 +258,7 @@ def test_one_that_declares_and_compares_nothing_passes():
         (Tires, "finish must return the same when called twice"),
         (in_the_end(nodes=lambda final: final.nodes[:-1]), "finish: nodes must be those that events leave"),
         (in_the_end(active=lambda _: frozenset({1})), r"finish: active nodes .* got \[1\]"),
-        (in_the_end(labels=lambda final: final.labels[1:]), r"one entry an image, 240, got \(239,\)"),
+        (in_the_end(labels=lambda final: final.labels[1:]), r"one entry per image, 240, got \(239,\)"),
         (in_the_end(labels=lambda final: final.labels.astype(float)), r"labels \(int64\)"),
         (in_the_end(labels=lambda final: final.labels + 1), "labels must be 0 or nodes"),
         (in_the_end(labels=lambda final: np.minimum(final.labels, 2)), "no node be empty"),

@@ -166,7 +166,7 @@ ARCHIVES = [
     ("NaN", _arrays(position=_with(np.nan, (N, 6))), ["'position'", "NaN or infinite", "image 7"]),
     ("infinite", _arrays(orientation=_with(-np.inf, (N, 8, 4))), ["'orientation'", "NaN or infinite", "image 7"]),
     ("beyond single precision", _arrays(position=np.full((N, 6), 1e300)), ["'position'", "NaN or infinite"]),
-    ("half a letter", _arrays(file=np.array(["\ud800"] * N)), ["'file'", "no valid Unicode", "image 0", "rename"]),
+    ("half a letter", _arrays(file=np.array(["\ud800"] * N)), ["'file'", "not valid Unicode", "image 0", "rename"]),
     ("objects", _arrays(position=np.array([{}] * N, dtype=object)), ["cannot read descriptors", ".npz"]),
 ]  # fmt: skip
 

@@ -69,7 +69,7 @@ def test_a_root_that_holds_no_sequence_is_a_finding_of_the_check(make, command, 
     outcome = command("dataset", "check", f"cold:{tmp_path}/root")
     assert outcome.code == 3
     assert "not ok" in outcome.out
-    one_line(outcome.err, f"{tmp_path}/root", "1 error(s)", "mend or remove")
+    one_line(outcome.err, f"{tmp_path}/root", "1 error(s)", "correct or remove")
 
 
 NAMES = [
@@ -115,7 +115,7 @@ TABLES = [
     ("a row without image",  _poses(r5="gone.png,1,0,0,R,5"),     0, ["gone.png", "not there"]),
     ("an image without row", _poses(rows=11),                     0, ["11.png", "no pose"]),
     ("a pose of nan",        _poses(r5="5.png,nan,0,0,R,5"),      0, ["poses.csv:7", "not finite"]),
-    ("a pose beyond any building", _poses(r5="5.png,1e300,0,0,R,5"), 0, ["poses.csv:7", "no position in metres"]),
+    ("a pose beyond any building", _poses(r5="5.png,1e300,0,0,R,5"), 0, ["poses.csv:7", "not a position in metres"]),
     ("an infinite pose",     _poses(r5="5.png,0,-inf,0,R,5"),     0, ["poses.csv:7", "not finite"]),
     ("a time twice",         _poses(r5="5.png,1,0,0,R,4"),        0, ["5.png", "same time"]),
     ("a backward time",      _poses(r5="5.png,1,0,0,R,1"),        0, ["5.png", "taken before it"]),
@@ -149,7 +149,7 @@ LABELS = [
     ("a label without image",   lambda names: [*names, "gone.jpeg"],        0, ["gone.jpeg", "not there"]),
     ("an image without label",  lambda names: names[:-1],                   0, ["not named in"]),
     ("an image labelled twice", lambda names: [*names, f"{names[0]} PA-A"], 3, ["places.lst:13", "keep one"]),
-    ("a line that is no label", lambda names: [*names, "what is this"],     3, ["places.lst:13", "correct or"]),
+    ("a line that is not a label", lambda names: [*names, "what is this"],     3, ["places.lst:13", "correct or"]),
 ]  # fmt: skip
 
 

@@ -149,7 +149,7 @@ def _image(content: Any, kind: str) -> tuple[bytes, str]:
         return png(pixels(raw)), ".png"
     found = as_file(data)
     if found is None:
-        raise DatasetError(f"has format '{shown(content.format)}', which is no image that OpenCV decodes")
+        raise DatasetError(f"has format '{shown(content.format)}', which is not an image that OpenCV decodes")
     return found
 
 

@@ -91,4 +91,4 @@ def _meaning(encoding: str) -> tuple[int, int, str]:
         channels = int(found[2] or 1)
         return int(found[1]), channels, _OF_CHANNELS[channels]
     known = "mono8, mono16, bgr8, rgb8, bayer_*, yuv422 and the like"
-    raise DatasetError(f"has encoding '{shown(encoding)}', which is no image that is read here ({known})")
+    raise DatasetError(f"has encoding '{shown(encoding)}', which is not an image that is read here ({known})")

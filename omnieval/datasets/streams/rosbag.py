@@ -119,10 +119,10 @@ def opened(path: Path) -> Iterator[Bag]:
     ConfigError
         If rosbags is not installed.
     DatasetError
-        If it is no bag, or damaged.
+        If it is not a bag, or damaged.
     """
     if not path.is_dir() and path.suffix.casefold() not in {BAG_OF_ROS1, *STORAGES}:
-        raise DatasetError(f"is no bag; expected .bag (ROS 1), .mcap, .db3, or a folder with {METADATA}")
+        raise DatasetError(f"is not a bag; expected .bag (ROS 1), .mcap, .db3, or a folder with {METADATA}")
     file = path if not path.is_dir() or (path / METADATA).is_file() else _only_storage(path)
     ros2 = file.suffix.casefold() != BAG_OF_ROS1 or file.is_dir()
     try:

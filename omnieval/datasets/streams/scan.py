@@ -15,7 +15,7 @@ from omnieval.datasets.sequence import Pose
 from omnieval.datasets.source import Address
 from omnieval.datasets.streams.store import Contents, decoded
 from omnieval.errors import DatasetError
-from omnieval.wording import safe_name
+from omnieval.wording import near_path, safe_name
 
 NO_POSES = "no-poses"
 """The finding that nothing tells where images were taken."""
@@ -46,7 +46,9 @@ def scan_stream(
     """
     base = Scan(safe_name(address.path.stem), address.source, address.path)
     if not exists(address.path):
-        return replace(base, findings=(Finding("error", "missing-file", ROOT, "no such file; check the path"),))
+        return replace(
+            base, findings=(Finding("error", "missing-file", ROOT, f"no such file; {near_path(address.path)}"),)
+        )
     try:
         folder, contents = decoded(address.without(*_OF_POSES), files, _announced(address, decode))
         if locate is not None and "pose-topic" in address.options:

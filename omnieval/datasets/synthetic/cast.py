@@ -19,7 +19,7 @@ _NEAREST = np.float32(1e-3)
 
 @dataclass(frozen=True)
 class Plan:
-    """Solids as columns, one value a solid, shape (solids,) each."""
+    """Solids as columns, one value per solid, shape (solids,) each."""
 
     x: Floats
     y: Floats

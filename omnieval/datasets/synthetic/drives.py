@@ -116,7 +116,7 @@ def _lap(day: Day, seed: int, loop: Floats, at: Floats) -> Floats:
 
 
 def _places(loop: Floats, at: Floats, travelled: Floats) -> Floats:
-    """Return the places after so many metres of the closed loop, shape (n, 2)."""
+    """Return the places after this many metres of the closed loop, shape (n, 2)."""
     where = np.mod(travelled, at[-1])
     closed = np.vstack([loop, loop[:1]])
     return np.column_stack([np.interp(where, at, closed[:, i]) for i in range(2)])

@@ -40,7 +40,7 @@ def polish_floor(scene: Scene, sight: Sight, texture: NDArray[np.intp], picture:
     sine = -slope[:below] / np.sqrt(1.0 + slope[:below] ** 2)
     share = np.float32(scene.light.look.gloss) * (np.float32(0.04) + np.float32(0.96) * (1.0 - sine) ** 4)
     mirrored = np.clip(np.searchsorted(slope, -slope[:below]), 0, slope.size - 1)
-    # A floor is no mirror: what it shows is blurred, above all up and down.
+    # A floor is not a mirror: what it shows is blurred, above all up and down.
     first = max(int(mirrored.min()) - _BLUR[0] // 2, 0)
     above = cv2.blur(np.minimum(picture[:, first:], np.float32(900.0)), _BLUR).take(mirrored - first, axis=1)
     shiny = scene.shine.take(texture[:, :below]) * (sight.code[:, :below] < 0) * share

@@ -105,7 +105,7 @@ def _faces(scene: Scene, sight: Sight, pose: Pose) -> Faces:
 
 
 def _of_fronts(values: NDArray[np.floating]) -> Floats:
-    """Return a column by surface code from one value a hit, 0 for what is no front."""
+    """Return a column by surface code from one value per hit, 0 for what is not a front."""
     column = np.zeros(3 * values.size + 1, np.float32)
     column[FRONT:-1:3] = values
     return column

@@ -1,4 +1,4 @@
-"""Which file beside the images holds their poses, where nobody names one."""
+"""Which file beside the images holds their poses, if the user names none."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Joining:
         Raises
         ------
         DatasetError
-            If one is no number of seconds; `source` is for the message.
+            If one is not a number of seconds; `source` is for the message.
         """
         names = ("poses-tolerance", "poses-interpolate")
         return cls(*(_seconds(given[name], name, source) if name in given else None for name in names))

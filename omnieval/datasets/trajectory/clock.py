@@ -17,7 +17,7 @@ _LONG_INTERVAL_S = 1e5
 
 
 def exact(text: str) -> Decimal | None:
-    """Return a time as it is written, None if it is no number: a float loses the last digits of one since the epoch."""
+    """Return a time as it is written, None if it is not a number: a float loses the last digits of an epoch time."""
     try:
         number = Decimal(text) if is_number(text) else None
     except InvalidOperation:

@@ -228,7 +228,7 @@ def _words(title: str) -> tuple[list[str], str | None]:
 
 
 def _tells_more(found: dict[Role, Column], unread: list[str], column: Column) -> bool:
-    """Settle what a second column of times is: nanoseconds of the first, or another time; False if nobody can tell."""
+    """Decide what a second column of times is: nanoseconds of the first, or another time; False if nobody can tell."""
     first = found["time"]
     if (first.unit, column.unit) == ("s", "ns") and _words(first.title)[0] == _words(column.title)[0]:
         found["nanoseconds"] = Column(column.index, "nanoseconds", column.title, "ns")

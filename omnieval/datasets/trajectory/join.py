@@ -76,7 +76,7 @@ def unposed(frames: Iterable[Frame], message: str) -> list[Finding]:
 
 
 def interpolated(frames: Sequence[Frame], longest_s: float) -> tuple[list[Frame], list[Finding]]:
-    """Return the frames, those without a pose between neighbours that have one, at most so many seconds apart."""
+    """Return the frames, those without a pose between neighbours that have one, at most this many seconds apart."""
     known = [(f.time_ns, f.pose) for f in frames if f.pose is not None and f.time_ns is not None and _finite(f.pose)]
     poses, _ = _at([None if frame.pose else frame.time_ns for frame in frames], known, 0.0, longest_s)
     found = [frame if pose is None else replace(frame, pose=pose) for frame, pose in zip(frames, poses, strict=True)]

@@ -14,7 +14,7 @@ from omnieval.datasets.trajectory.between import Joining
 from omnieval.datasets.trajectory.join import interpolated, joined
 from omnieval.datasets.trajectory.read import read_track
 from omnieval.errors import DatasetError
-from omnieval.wording import shown
+from omnieval.wording import near_path, shown
 
 OPTIONS = ("poses", "poses-tolerance", "poses-interpolate")
 """Options that every source of images has, in the order in which they are written."""
@@ -121,7 +121,8 @@ def posed(frames: Sequence[Frame], file: Path, label: str, how: Joining) -> tupl
     try:
         data = file.read_bytes()
     except OSError as error:
-        message = f"cannot be read: {error.strerror or error}"
+        missing = isinstance(error, FileNotFoundError)
+        message = f"no such file; {near_path(file)}" if missing else f"cannot be read: {error.strerror or error}"
         return list(frames), [Finding("error", "unreadable-poses", label, message)]
     track = read_track(data, label)
     if not track.fixes or not frames:

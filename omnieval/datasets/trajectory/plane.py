@@ -15,7 +15,7 @@ _ABOUT_ONE_AXIS = 0.85
 _UPRIGHT = 0.8
 """How near to up, as a cosine, an axis of the body must be."""
 _FLAT = 3.0
-"""How much more places must vary along z than along y, so that z is no height."""
+"""How much more places must vary along z than along y, so that z is not a height."""
 _AXES = "xyz"
 
 

@@ -1,11 +1,11 @@
-"""A table of poses of any usual form: TUM, KITTI, EuRoC, or columns with a heading. What it is, is told by its content.
+"""A table of poses of any usual form: TUM, KITTI, EuRoC, or columns with a heading. Its content tells which form.
 
 ===== ====================================================== =========================================
 form  columns                                                 told by
 ===== ====================================================== =========================================
 TUM   time x y z qx qy qz qw                                  8 numbers, the last four a unit quaternion
 EuRoC time [ns], x y z, qw qx qy qz, perhaps more             its heading, or commas and nanoseconds
-KITTI 12 numbers: rows of [R | t], one line an image          12 numbers (or 16), R a rotation
+KITTI 12 numbers: rows of [R | t], one line per image          12 numbers (or 16), R a rotation
 else  named by a heading, in any order, others are not read   the heading (`columns.read_heading`)
 ===== ====================================================== =========================================
 
@@ -325,7 +325,7 @@ class _Reader:
             self._findings.append(Finding("error", "bad-rotations", self._file, message))
             return unknown
         for index in np.flatnonzero(given & ~sound).tolist():
-            message = f"a quaternion of norm {norms[index]:.3g} is no rotation; the heading is left out"
+            message = f"a quaternion of norm {norms[index]:.3g} is not a rotation; the heading is left out"
             self._findings.append(Finding("warning", "bad-rotation", f"{self._file}:{self._rows[index][0]}", message))
         turns = unknown
         turns[sound] = matrices(quaternions[sound] / norms[sound, np.newaxis])

@@ -15,7 +15,7 @@ from omnieval.errors import DatasetError
 from omnieval.wording import shown
 
 _DELIMITERS = (",", ";", "\t", None)
-"""None: any white space."""
+"""The delimiter of each kind of text; None is any white space."""
 _COMMENTS = ("#", "%")
 _SAMPLE = 60
 """Rows that are looked at to find the delimiter."""
@@ -64,7 +64,7 @@ def read_text_table(data: bytes) -> TextTable:
     Raises
     ------
     DatasetError
-        If it is no text, or is empty.
+        If it is not text, or is empty.
     """
     lines = [(number, line) for number, line in enumerate(_lines(data), start=1) if line.strip()]
     comments = [one for one in lines if one[1].lstrip().startswith(_COMMENTS)]

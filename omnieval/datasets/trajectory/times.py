@@ -95,7 +95,7 @@ def _rows(data: bytes) -> tuple[list[_Row], str]:
     Raises
     ------
     DatasetError
-        If it is no text.
+        If it is not text.
     ValueError
         If it is not of times, or their unit is not clear.
     """

@@ -71,7 +71,7 @@ class KeyframeGraph:
         return found
 
     def copied(self) -> Self:
-        """Return one that goes on by itself."""
+        """Return an independent copy."""
         other = copy(self)
         other._edges = [edges.copy() for edges in self._edges]
         return other

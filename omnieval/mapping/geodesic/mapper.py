@@ -42,7 +42,7 @@ PLACE = 8.0
 """Travel around a keyframe that counts as the same place when beliefs are summed."""
 
 _LARGEST_LOG = 6.0
-"""One image says at most so much for or against a place, so that an odd one cannot decide alone."""
+"""Limit of what one image says for or against a place, so that one unusual image cannot decide alone."""
 
 
 @dataclass(frozen=True)

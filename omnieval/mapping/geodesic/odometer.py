@@ -1,4 +1,4 @@
-"""How far apart two images were taken, in frames of usual travel, told by their distance alone.
+"""How far apart two images were taken, in frames of usual travel, from their distance alone.
 
 Images become unlike at a pace that depends on descriptor, building and speed. The sequence itself shows it: the median
 distance between images that are 1, 2, 3, 5, ... frames apart is a curve that turns any distance back into frames.
@@ -34,7 +34,7 @@ class RunningMedian:
         return bool(self._sorted)
 
     def add(self, number: float) -> None:
-        """Take in a number."""
+        """Add a number."""
         insort(self._sorted, number)
 
     @property
@@ -44,7 +44,7 @@ class RunningMedian:
         return (self._sorted[middle] + self._sorted[~middle]) / 2
 
     def copied(self) -> Self:
-        """Return one that goes on by itself."""
+        """Return an independent copy."""
         other = copy(self)
         other._sorted = self._sorted.copy()
         return other
@@ -95,7 +95,7 @@ class Odometer:
         return self._medians[0].value
 
     def copied(self) -> Self:
-        """Return one that goes on by itself."""
+        """Return an independent copy."""
         other = copy(self)
         other._medians = [median.copied() for median in self._medians]
         return other

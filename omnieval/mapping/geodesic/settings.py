@@ -13,7 +13,9 @@ class GeodesicSettings(BaseModel):
     extent: float = Field(
         10.0, gt=0, le=64, description="mean distance between a keyframe and those of its node, at most; in frames"
     )
-    reach: float = Field(30.0, gt=0, le=1000, description="travel between keyframes whose distance is told, in frames")
+    reach: float = Field(
+        30.0, gt=0, le=1000, description="travel up to which the distance of keyframes is known, in frames"
+    )
     spacing: float = Field(2.0, gt=0, le=32, description="travel after which an unrecognised image is a keyframe")
     gap: float = Field(40.0, ge=0, le=10_000, description="travel within which an earlier keyframe closes no loop")
     sure: float = Field(0.8, gt=0.5, lt=1, description="belief in one place from which an image is recognised")

@@ -1,4 +1,4 @@
-"""The words of the method's evidence: its verdicts, what it compares, what it measures besides.
+"""The words of the method's evidence: its verdicts, what it compares, what else it measures.
 
 Equations and sections are those of Román et al., doi 10.3390/app10186480.
 """
@@ -101,7 +101,7 @@ COLUMNS = (
     Column(
         name="merge_ratio",
         type="float",
-        meaning="smallest gate ratio of a new node's representative in an active node, held against merge_y (Eq. 11)",
+        meaning="smallest gate ratio of a new node's representative in an active node, compared with merge_y (Eq. 11)",
     ),
     Column(name="run", type="int", meaning="unassigned images in a row, this one included; 0 if it is assigned"),
 )

@@ -102,7 +102,7 @@ class Roman2020(BranchingMapper):
     def finish(self, placed: Mapping[int, tuple[int, Placement]] | None = None) -> FinalMap:
         """Return the partition of all images so far; leftovers of broken runs are placed as configured.
 
-        The map itself stays as it is: `step` may go on afterwards.
+        The map itself stays as it is: `step` may be called afterwards.
 
         Parameters
         ----------
@@ -381,7 +381,7 @@ def _compare_best(journal: Journal, match: ImageMatch, nodes: Sequence[int], siz
 
 @dataclass(frozen=True)
 class _Examination:
-    """What the active nodes say of an image."""
+    """The results of comparing an image with the active nodes."""
 
     verdict: Verdict
     gate: NodeGate
@@ -418,7 +418,7 @@ class _Nearest:
         self._between = low, min(refused, default=np.inf)
 
     def note(self, journal: Journal, gate: str, *, parameter: str, floor: float = -np.inf) -> None:
-        """Note what was compared."""
+        """Record the comparison in a journal."""
         journal.compare(
             gate,
             self._tested,

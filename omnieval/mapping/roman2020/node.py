@@ -107,7 +107,7 @@ def grow_node(
     *,
     squared_distances: NDArray[np.float64] | None = None,
 ) -> Node:
-    """Return the node with one image more, the newest; what `fit_node` makes of its images, without starting anew.
+    """Return the node with one image more, the newest; what `fit_node` makes of its images, without starting again.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class Roman2020Settings(BaseModel):
     )
     gate_refit: Literal["insertion", "creation"] = Field(
         "insertion",
-        description="when mu_ns and sigma_ns are fitted: anew at every insertion, or once, at the node's creation",
+        description="when mu_ns and sigma_ns are fitted: again at every insertion, or once, at the node's creation",
     )
     node_gate: Sides = Field(
         "two-sided",

@@ -256,7 +256,7 @@ def test_a_file_of_ros2_needs_no_folder_around_it(tmp_path, kind):
 def test_what_is_no_image_is_refused(tmp_path):
     with Maker(tmp_path / "tour.bag", "ros1") as bag:
         bag.image("/depth", TIMES[0], np.ones((8, 8), np.float32), "32FC1")
-    assert "image 0 of topic /depth has encoding '32FC1', which is no image" in refusal(bag.path)
+    assert "image 0 of topic /depth has encoding '32FC1', which is not an image" in refusal(bag.path)
 
 
 def test_without_rosbags_it_is_said_what_to_install(tmp_path, monkeypatch):

@@ -62,7 +62,7 @@ def test_without_colour_differences_a_pixel_is_grey(encoding, values):
 
 @pytest.mark.parametrize("encoding", ["32FC1", "64FC1", "16SC1", "8UC2", "", "h264"])
 def test_what_is_no_image_is_refused(encoding):
-    with pytest.raises(DatasetError, match="no image that is read here"):
+    with pytest.raises(DatasetError, match="not an image that is read here"):
         pixels(raw(encoding, [0] * 64, (2, 2)))
 
 
