@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         Step,
     )
     from omnieval.mapping.valley import Valley, ValleySettings
+    from omnieval.metrics.metric import Judged
     from omnieval.recording import RecordingOptions
     from omnieval.regression.gate import check
     from omnieval.report.write import write_report
@@ -98,6 +99,7 @@ _HOMES = {
     "Step": "mapping.step",
     "Valley": "mapping.valley",
     "ValleySettings": "mapping.valley",
+    "Judged": "metrics.metric",
     "RecordingOptions": "recording",
     "check": "regression.gate",
     "write_report": "report.write",
@@ -127,6 +129,7 @@ __all__ = [
     "GistSettings",
     "Hog",
     "HogSettings",
+    "Judged",
     "Leader",
     "LeaderSettings",
     "Localization",

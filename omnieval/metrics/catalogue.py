@@ -1,14 +1,16 @@
 """Every metric of a map, declared once: what it means, how it is computed, whose it is, and which way is better.
 
-Tables, reports, checks and the documentation take names and words from here.
+Tables, reports, checks and the documentation take names and words from here. A new metric is a file of this folder with
+a `Metric` that computes itself (`Metric.compute`), and one line in `CATALOGUE`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable
 
+from omnieval.metrics.counts import labelled_images, nodes, posed_images
 from omnieval.metrics.ground import THETAS
+from omnieval.metrics.metric import Better, Judged, Metric
 
 THETA = 2.0
 """The distance within which two images are taken at one place in ``run.json`` and in tables of results, metres."""
@@ -16,53 +18,10 @@ COVERED_M = (1.0, 2.0)
 SCALES_M = (2.0, 5.0, 10.0)
 """The distances of `coverage` and the scales of the edges, metres."""
 
-Better = Literal["higher", "lower"]
-
 _ROUSSEEUW = "Rousseeuw 1987, doi 10.1016/0377-0427(87)90125-7"
 _PAPER = "Román et al. 2020, doi 10.3390/app10186480"
-_OURS = "omnieval"
 _ENTROPIES = "Rosenberg and Hirschberg 2007, aclanthology.org/D07-1043"
 _TOPO = "after TOPO-Bench, arXiv 2510.04100, in our reading"
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A metric.
-
-    Attributes
-    ----------
-    name
-        In ``run.json`` and as a column.
-    group
-        What it judges.
-    meaning
-        In a few words.
-    formula
-        How it is computed.
-    source
-        Who proposed it.
-    better
-        Which way is better; None where neither is.
-    unit
-        Empty for plain numbers.
-    whole
-        Whether it is a whole number.
-    of
-        Its name in ``quality.parquet``; None where it is not there.
-    at
-        The distance that it is taken at, metres; None where it has none.
-    """
-
-    name: str
-    group: str
-    meaning: str
-    formula: str
-    source: str = _OURS
-    better: Better | None = "higher"
-    unit: str = ""
-    whole: bool = False
-    of: str | None = None
-    at: float | None = None
 
 
 def _quality(name: str, group: str, meaning: str, formula: str, at: float | None = None, **more: object) -> Metric:
@@ -73,14 +32,16 @@ def _share(name: str, meaning: str, better: Better | None = None) -> Metric:
     return Metric(name, "placement", meaning, "images so placed / all images", better=better)
 
 
+def _count(name: str, meaning: str, compute: Callable[[Judged], int]) -> Metric:
+    return Metric(name, _SIZE, meaning, "count", better=None, whole=True, compute=compute)
+
+
 _PAIR, _EVENT, _GRAPH, _BORDER, _SIZE = "partition", "loop closures", "graph", "borders", "size"
 
 CATALOGUE: tuple[Metric, ...] = (
-    Metric("nodes", _SIZE, "nodes of the final map, pending ones included", "count", better=None, whole=True),
-    Metric(
-        "posed", _SIZE, "images with a true position, over which the map is judged", "count", better=None, whole=True
-    ),
-    Metric("labelled", _SIZE, "images with a room label, which agreement is over", "count", better=None, whole=True),
+    _count("nodes", "nodes of the final map, pending ones included", nodes),
+    _count("posed", "images with a true position, over which the map is judged", posed_images),
+    _count("labelled", "images with a room label, which agreement is over", labelled_images),
     _share("share_assigned", "placed by loop closure at their own step: what the method does", "higher"),
     _share("share_pending", "taken by a pending node"),
     _share("share_founding", "of which nodes were made"),

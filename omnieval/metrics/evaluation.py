@@ -15,6 +15,7 @@ from omnieval.mapping.step import Placement
 from omnieval.metrics.agreement import RoomAgreement, room_agreement
 from omnieval.metrics.catalogue import CATALOGUE, METRICS, THETA
 from omnieval.metrics.ground import Clock, Ground
+from omnieval.metrics.metric import Judged
 from omnieval.metrics.quality import Making, Measure, measure
 from omnieval.metrics.silhouette import Silhouettes, posed, silhouettes
 
@@ -86,19 +87,24 @@ def evaluate(
     thetas
         Distances within which images lie at one place, metres, for `Evaluation.measures`; `THETA` among them.
     ground
-        What follows from positions and times, computed once for many maps; default: computed anew.
+        What follows from positions and times, computed once for many maps; default: computed again.
     """
     nodes = len(np.unique(labels[labels > 0]))
     why = unposed or "the sequence has no poses"
     if ground is None and positions is not None:
         ground = Ground(positions, times)
     located = 0 if ground is None else len(ground)
-    labelled = sum(room is not None for room in rooms or ())
+    judged = Judged(
+        labels,
+        np.full((len(labels), 2), np.nan) if positions is None else positions,
+        [None] * len(labels) if rooms is None else rooms,
+        [None] * len(labels) if times is None else times,
+    )
     measures = measure(
         labels, ground if ground is not None and located else why, rooms, Clock.of(times, len(labels)), making, thetas
     )
     parts = (
-        Evaluation({"nodes": nodes, "posed": located, "labelled": labelled}, {}),
+        _computed(judged),
         _shares(labels, placements),
         _silhouettes(labels, positions, nodes, seed)
         if positions is not None and located
@@ -112,6 +118,18 @@ def evaluate(
         metrics |= part.metrics
         reasons |= part.reasons
     return Evaluation({name: metrics[name] for name in METRICS}, reasons, measures)
+
+
+def _computed(judged: Judged) -> Evaluation:
+    """Return the metrics that compute themselves."""
+    metrics: dict[str, float | int | None] = {}
+    reasons: dict[str, str] = {}
+    for metric in CATALOGUE:
+        if metric.compute is not None:
+            found = metric.compute(judged)
+            metrics[metric.name] = None if isinstance(found, str) else found
+            reasons |= {metric.name: found} if isinstance(found, str) else {}
+    return Evaluation(metrics, reasons)
 
 
 def _at_theta(measures: Sequence[Measure]) -> Evaluation:

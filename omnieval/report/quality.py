@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import polars as pl
 
-from omnieval.metrics.catalogue import CATALOGUE, THETA, Metric
+from omnieval.metrics.catalogue import CATALOGUE, THETA
+from omnieval.metrics.metric import Metric
 from omnieval.report.figure import Skipped, Table
 from omnieval.results.run_folder import Run
 from omnieval.text_table import Cell
@@ -16,8 +17,8 @@ _NOTES = (
     "Pairs: do images that share a node lie at one place? Re-entries: is a place known when the robot comes back, as "
     "decided at the time, and in the final map? Stretch: way over the map / true way; far below 1 through a wall, "
     "above 1 around a loop left open.",
-    "TopoSIGMA 2026 (theirs; one event a new node, odometry and learned descriptors, COLD and CID-SIMS, 2 m): "
-    "precision 0.958, recall 0.479, F1 0.639. Another definition of an event: not comparable with re-entries here.",
+    "TopoSIGMA 2026 (their own numbers; one event per new node, odometry and learned descriptors, COLD and CID-SIMS, "
+    "2 m): precision 0.958, recall 0.479, F1 0.639. They define events differently: not comparable with re-entries.",
 )
 
 

@@ -1,4 +1,4 @@
-"""Contract checks for descriptors, sequences and mappers of your own, to be called from your tests.
+"""Contract checks for descriptors, sequences, mappers and metrics of your own, to be called from your tests.
 
 What passes can be replayed, cached and recorded like omnieval's own::
 
@@ -14,5 +14,6 @@ of the object under test passes through.
 from omnieval.testing.dataset import check_dataset
 from omnieval.testing.descriptor import check_descriptor
 from omnieval.testing.mapper import check_mapper
+from omnieval.testing.metric import check_metric
 
-__all__ = ["check_dataset", "check_descriptor", "check_mapper"]
+__all__ = ["check_dataset", "check_descriptor", "check_mapper", "check_metric"]

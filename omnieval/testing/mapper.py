@@ -271,7 +271,7 @@ def _check_final(steps: list[Step], final: FinalMap, nodes: _Nodes, dimension: i
     )
     require(
         labels.shape == (len(steps),) and labels.dtype == np.int64 and len(final.placements) == len(steps),
-        f"finish: labels (int64) and placements must have one entry an image, {len(steps)}, got {labels.shape}",
+        f"finish: labels (int64) and placements must have one entry per image, {len(steps)}, got {labels.shape}",
     )
     require(set(labels.tolist()) - {0} == set(left), "finish: labels must be 0 or nodes, and no node be empty")
     shape = (len(left), dimension)
