@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from omnieval.descriptors.cache_folder import DESCRIPTIONS, STREAMS, cache_state
+from omnieval.locks import kind_of_locks
 from omnieval.wording import counted
 
 FRAMES = 40
@@ -30,6 +31,7 @@ _SETTINGS = {"n_init": 10, "n_new": 10}
 _PATIENCE_S = 600.0
 _VIEWER_PATIENCE_S = 30.0
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_MISSING = "not installed"
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _FOR_DEVELOPERS = re.compile(r"extra == .(test|dev)\b")
 _CHILD = "import sys; from omnieval.doctor import report_self_test; report_self_test(sys.argv[1])"
@@ -46,7 +48,7 @@ class SelfTest:
     failure
         What went wrong, in a line; None if nothing did.
     facts
-        What the replay came to, by name. ``decisions`` is a digest of all verdicts: equal where they are.
+        Results of the replay, by name. ``decisions`` is a digest of all verdicts: equal where they are.
     """
 
     ok: bool
@@ -130,25 +132,32 @@ def report_self_test(scratch: str) -> None:
 def _versions() -> dict[str, str]:
     """Return the versions of all that omnieval runs with; not of what only its developers need."""
     needed = [line for line in requires("omnieval") or () if not _FOR_DEVELOPERS.search(line)]
-    names = [match.group() for line in needed if (match := _NAME.match(line))]
+    names = {match.group(): line for line in needed if (match := _NAME.match(line))}
+    found = {name: _version(name) for name in names}
     own = {"omnieval": version("omnieval"), "python": platform.python_version()}
-    return own | {name: _version(name) for name in names}
+    return own | {  # what only another system needs is not missing
+        name: one for name, one in found.items() if one != _MISSING or "sys_platform" not in names[name]
+    }
 
 
 def _version(name: str) -> str:
     try:
         return version(name)
     except PackageNotFoundError:
-        return "not installed"
+        return _MISSING
 
 
 def _machine() -> dict[str, str]:
+    from omnieval.recording.pipe import PIPES
+
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "platform": platform.platform(),
         "machine": platform.machine(),
         "python": f"{platform.python_implementation()}, {_homeless(sys.executable)}",
         "cores": f"{os.cpu_count()}, {usable} of them usable",
+        "locks": kind_of_locks(),
+        "recordings": "written by omnieval" if PIPES else "written by Rerun: a full disk may stop a replay for ever",
         "encoding": f"{locale.getpreferredencoding(do_setlocale=False)}, file names {sys.getfilesystemencoding()}",
     }
 

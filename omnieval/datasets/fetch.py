@@ -1,14 +1,14 @@
-"""Sequences from the web: an archive is downloaded with pooch, gone on with where it broke off, checked and unpacked.
+"""Sequences from the web: an archive is downloaded with pooch (continued where it stopped), checked and unpacked.
 
-What is left of a download that broke off is ``.NAME.tar.part``; the SHA-256 of an archive that could be unpacked is
-kept beside its sequence in ``NAME.tar.sha256`` and asked of every later download. The only file that imports pooch.
+The part that an interrupted download has got is ``.NAME.tar.part``; the SHA-256 of an archive that could be unpacked is
+kept beside its sequence in ``NAME.tar.sha256``, and every later download must have the same. The only file that imports
+pooch.
 """
 
 from __future__ import annotations
 
 import json
 import shutil
-import sys
 import tarfile
 import tempfile
 from collections.abc import Callable
@@ -20,10 +20,8 @@ from typing import IO, Any
 from omnieval.datasets.cards import Card, all_cards
 from omnieval.datasets.scan import canonical_path
 from omnieval.errors import ConfigError, DatasetError
+from omnieval.locks import Lock, lock
 from omnieval.wording import did_you_mean, shown
-
-if sys.platform != "win32":
-    import fcntl
 
 Progress = Callable[[int, int], None]
 """Called with the bytes that are there and those of the whole archive, 0 where that is not known."""
@@ -56,7 +54,7 @@ def fetch(
     Raises
     ------
     ConfigError
-        If the name is no sequence of a family that can be downloaded.
+        If the name is not a sequence of a family that can be downloaded.
     DatasetError
         If the archive is not there, is not the one it was, or cannot be unpacked.
     """
@@ -65,7 +63,7 @@ def fetch(
     if base is None:
         raise ConfigError(f"where {known.name} can be downloaded is not known; omnieval dataset info {known.name}")
     if not base.startswith(("http://", "https://")):
-        raise ConfigError(f"--base-url {shown(base)} is no address; it begins with https:// or http://")
+        raise ConfigError(f"--base-url {shown(base)} is not an address; it begins with https:// or http://")
     folder = canonical_path(to) / known.name / path
     if folder.is_dir():
         return folder
@@ -127,7 +125,7 @@ def _ignore(done: int, total: int) -> None:
 
 @dataclass(frozen=True)
 class _Resuming:
-    """A downloader for pooch that goes on where the last one broke off.
+    """A downloader for pooch that continues where the last one stopped.
 
     Attributes
     ----------
@@ -148,8 +146,7 @@ class _Resuming:
         import requests
 
         del pooch, check_only
-        with self.part.open("ab") as written:
-            self._take(written)
+        with self.part.open("ab") as written, self._alone():
             left = _PATIENCE
             while True:
                 before = written.tell()
@@ -174,16 +171,12 @@ class _Resuming:
         """What the server called the archive of which `part` is the beginning."""
         return self.part.with_name(f"{self.part.name}.json")
 
-    def _take(self, written: IO[bytes]) -> None:
+    def _alone(self) -> Lock:
         """Refuse to write where another process does."""
-        if sys.platform == "win32":
-            return
         try:
-            fcntl.flock(written, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return lock(self.part)
         except BlockingIOError as error:
             raise DatasetError(f"{self.part} is being written by another process; let it finish") from error
-        except OSError:
-            return  # some network file systems have no locks
 
     def _go_on(self, url: str, written: IO[bytes]) -> None:
         """Download what is missing."""
@@ -202,7 +195,9 @@ class _Resuming:
             if answer.status_code not in {_COMPLETE, _PARTIAL}:
                 raise DatasetError(self._refusal(url, answer.status_code))
             if answer.status_code == _PARTIAL and f"bytes {there}-" not in answer.headers.get("Content-Range", ""):
-                raise DatasetError(f"{url} cannot be gone on with; remove {self.part} and run the command again")
+                raise DatasetError(
+                    f"{url} cannot be continued where it stopped; remove {self.part} and run the command again"
+                )
             self._write_version(answer.headers)
             length = int(answer.headers.get("Content-Length") or 0)
             total = there + length if length else 0
@@ -211,7 +206,7 @@ class _Resuming:
                 self.progress(written.tell(), total)
             written.flush()
             if written.tell() < total:
-                raise requests.ConnectionError("the connection broke off")
+                raise requests.ConnectionError("the connection was lost")
 
     def _refusal(self, url: str, status: int) -> str:
         if status != _NOT_FOUND:
@@ -236,7 +231,7 @@ class _Resuming:
 
 
 def _reason(error: Exception) -> str:
-    """Return what went wrong in the words of the innermost error, which are the shortest."""
+    """Return the message of the innermost error, which is the shortest."""
     while isinstance(error.args[0] if error.args else None, Exception):
         error = error.args[0]
     reason = getattr(error, "reason", error)
@@ -262,8 +257,8 @@ def _unpack(archive: Path, folder: Path) -> None:
         except (tarfile.TarError, EOFError) as error:
             archive.unlink()
             raise DatasetError(
-                f"what was downloaded for {folder.name} is no sound archive and was removed ({shown(str(error))}); use "
-                "another --base-url"
+                f"what was downloaded for {folder.name} is not a sound archive and was removed ({shown(str(error))}); "
+                "use another --base-url"
             ) from error
         root = draft
         while len(inner := list(root.iterdir())) == 1 and inner[0].is_dir() and _only_wraps(inner[0]):

@@ -24,12 +24,12 @@ if sys.platform != "win32":
 
 _BLOCK = 1 << 16
 _POLL_SECONDS = 0.001
-_PIPES = Path("/dev/fd").is_dir()
+PIPES = Path("/dev/fd").is_dir()
 """Whether a pipe can be opened by name; where it cannot (Windows), Rerun writes the partial file itself."""
 
 
 class PipedFile:
-    """A file that is written by whoever writes to `address`.
+    """A file that receives what another writes to `address`.
 
     The bytes go to ``NAME.partial.rrd`` beside `path`, which `close` gives its name once all of them are on the
     disk: `path` appears whole or not at all, and a killed process leaves what was flushed, readable, in the
@@ -55,7 +55,7 @@ class PipedFile:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._read_end = self._write_end = -1
-        if _PIPES:
+        if PIPES:
             self._read_end, self._write_end = os.pipe()
             self._thread = threading.Thread(target=self._drain, name="recording", daemon=True)
             self._thread.start()

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 from urllib.parse import quote, urlsplit
 
 from rerun.chunk import RrdReader
@@ -158,7 +158,7 @@ def check_viewer(url: str) -> None:
     Raises
     ------
     ResultError
-        If the URL is not one of a viewer, or nobody listens there.
+        If the URL is not one of a viewer, or no program listens there.
     """
     parts = urlsplit(url)
     if parts.scheme not in {"rerun", "rerun+http", "rerun+https"} or not parts.hostname or parts.path != "/proxy":
@@ -170,7 +170,7 @@ def check_viewer(url: str) -> None:
     if not _answers(parts.hostname, port):
         raise ResultError(f"no viewer listens at {url}; start one with: rerun --bind 127.0.0.1 --port {port}")
     if parts.scheme != "rerun+https" and not _speaks_http2(parts.hostname, port):
-        raise ResultError(f"what listens at {url} is no viewer; start one on another port with: rerun --port auto")
+        raise ResultError(f"the program at {url} is not a viewer; start one on another port with: rerun --port auto")
 
 
 def check_recording(path: Path) -> int:
@@ -207,12 +207,19 @@ def _launch(arguments: Sequence[str], output: IO[bytes]) -> subprocess.Popen[byt
             stdout=output,
             stderr=subprocess.STDOUT,
             env=os.environ | {"RERUN_APP_ONLY": "true", "NO_COLOR": "1"},
-            start_new_session=True,
+            **_of_its_own(),
         )
     except OSError as error:
         raise OmnievalError(f"cannot start the viewer: {error.strerror or error}; reinstall rerun-sdk") from error
     _LAUNCHED.append(viewer)
     return viewer
+
+
+def _of_its_own() -> dict[str, Any]:
+    """Return the options by which a process is not ended by the Ctrl-C that is meant for this one."""
+    if sys.platform == "win32":
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"start_new_session": True}
 
 
 def _let_fail(viewer: subprocess.Popen[bytes], output: IO[bytes], *, seconds: float) -> None:
@@ -258,7 +265,7 @@ def _answers(host: str, port: int) -> bool:
 
 
 def _speaks_http2(host: str, port: int) -> bool:
-    """Whether somebody answers as a viewer does; Rerun waits for ever for anybody else."""
+    """Whether a viewer answers; Rerun would wait for ever for any other program."""
     try:
         with socket.create_connection((host, port), timeout=2.0) as connection:
             connection.sendall(_HTTP2_GREETING)

@@ -1,17 +1,14 @@
-"""Folders of results as they are written: one writer at a time, a true status, and nothing of others touched.
+"""Folders of results as they are written: one writer at a time, a true status, and no files of others touched.
 
 All that omnieval writes as a folder is written by `ResultFolder`: replays, baselines, ablations and reports. Folders of
 results may lie inside others, a report in what it reports on, the best run in its ablation: when the outer one is
-written anew they go with it, or they would go on telling of what was there before.
+written again they go with it, because what they say would not be true any more.
 """
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import re
-import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -20,23 +17,20 @@ from types import TracebackType
 from typing import Any, Self
 
 from omnieval.errors import OmnievalError, ResultError
+from omnieval.locks import Lock, lock
 from omnieval.results.atomic import is_temporary, write_json
 from omnieval.results.manifest import MANIFEST, expanded, read_manifest, status_of, this_process, with_article
 from omnieval.results.schemas import SCHEMA_VERSION
-
-if sys.platform != "win32":
-    import fcntl
 
 REPORT = "report"
 """The kind of a report, and where it goes inside the first of what it reports on."""
 PAGE = "index.html"
 FIGURES = "figures"
 _OF_REPORT = re.compile(rf"{re.escape(PAGE)}|{FIGURES}/\d{{2,}}-[\w-]+\.(svg|png|csv)")
-_TAKEN = frozenset({errno.EWOULDBLOCK, errno.EACCES})
 
 
 class ResultFolder:
-    """A folder of results that nobody else can write while the block lasts; its status is always true.
+    """A folder of results that no other process can write while the block lasts; its status is always true.
 
     When the block is left before `complete`, the folder is closed as ``interrupted`` (Ctrl-C) or ``failed``, with the
     `reason`. Afterwards others can write it, whatever happened.
@@ -46,7 +40,7 @@ class ResultFolder:
     path
         Created, with its parents.
     kind
-        What the folder holds, in a word.
+        The kind of what the folder holds, such as ``replay``.
     content
         What is known at the start. None holds the folder and leaves it as it is until `begin`.
     files
@@ -60,7 +54,8 @@ class ResultFolder:
     Raises
     ------
     ResultError
-        On entering: if the folder holds something already (or nothing to go on with), is being written, or cannot be.
+        On entering: if the folder holds something already (or nothing to continue with), is being written, or cannot
+        be.
 
     Examples
     --------
@@ -89,7 +84,7 @@ class ResultFolder:
         self._overwrite, self._resume = overwrite, resume
         self._earlier: dict[str, Any] | None = None
         self._made = False
-        self._lock: int | None = None
+        self._lock: Lock | None = None
 
     def __enter__(self) -> Self:
         if self._resume:
@@ -115,7 +110,7 @@ class ResultFolder:
                 with suppress(OSError):  # somebody has put something there
                     self.path.rmdir()
             if self._lock is not None:
-                os.close(self._lock)
+                self._lock.release()
                 self._lock = None
 
     def begin(self, content: dict[str, Any]) -> None:
@@ -130,7 +125,7 @@ class ResultFolder:
         began = {"started": _now()}
         if self._earlier is not None:
             # Whoever looks while its files go, or after we were killed there, finds what is true of the rest.
-            replaced = {"status": "interrupted", "reason": "it is being written anew", "metrics": {}}
+            replaced = {"status": "interrupted", "reason": "it is being written again", "metrics": {}}
             write_json(self._earlier | replaced, self.path / MANIFEST)
             if self._resume:
                 began = {"started": self._earlier["started"], "resumed": _now()}
@@ -139,20 +134,20 @@ class ResultFolder:
         self.update({**about, "metrics": {}, **began, **content})
 
     def update(self, content: dict[str, Any]) -> None:
-        """Add this to what ``run.json`` says, and write it."""
+        """Add entries to ``run.json``, and write it."""
         together = self.content | content
         write_json(together, self.path / MANIFEST)
         self.content = together
 
     def complete(self, content: dict[str, Any] | None = None) -> None:
-        """Say that all is there; what happens in the block from now on does not change that."""
+        """Mark the folder as complete; what happens in the block from now on does not change that."""
         self._close("complete", content or {})
 
     def _close(self, status: str, content: dict[str, Any]) -> None:
         self.update({**content, "status": status, "finished": _now()})
 
     def _close_early(self, error: BaseException | None) -> None:
-        """Close what did not reach its end. What keeps us from it may be what ended the block, and is told already."""
+        """Close a folder that was left early. An error here may be the one that ended it, which is reported."""
         sealed: dict[str, Any] = {}
         with suppress(Exception):
             sealed = self._seal()
@@ -161,37 +156,28 @@ class ResultFolder:
             self._close(status, {"reason": reason_of(error), **sealed})
 
     def _seal(self) -> dict[str, Any]:
-        """Bring what there is into its last form, for a folder that does not reach its end, and say what is known."""
+        """Finish the files of a folder that does not reach its end, and return what is known for ``run.json``."""
         return {}
 
     def _hold(self) -> bool:
-        """Take the sole right to write the folder, and return whether it is certain.
+        """Lock the folder, and return whether the lock is certain.
 
-        It is a lock on the folder itself, until this process ends, however it ends: no lock file can stay behind, and
-        no process id be mistaken. Where the system or the file system has no such locks, ``run.json`` alone says who
-        writes.
+        It is a lock of the system, until this process ends, however it ends: none can stay behind, and no process id be
+        mistaken. Where the file system has no locks, ``run.json`` alone says which process writes.
         """
         try:
             if not self._resume:
                 self._made = not self.path.exists()
                 self.path.mkdir(parents=True, exist_ok=True)
-            if sys.platform == "win32":
-                return False
-            self._lock = os.open(self.path, os.O_RDONLY)
+            self._lock = lock(self.path)
+        except BlockingIOError as error:
+            raise ResultError(f"{self.path} is being written by another process; {self._advice()}") from error
         except OSError as error:
             raise ResultError(f"cannot write to {self.path}: {error.strerror}; choose another --out") from error
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno not in _TAKEN:
-                return False  # some network file systems lock no folders
-            os.close(self._lock)
-            self._lock = None
-            raise ResultError(f"{self.path} is being written by another process; {self._advice()}") from error
-        return True
+        return self._lock.certain
 
     def _find_earlier(self, *, certain: bool) -> dict[str, Any] | None:
-        """Return the manifest of the earlier folder that this one may replace or go on with; None if it is free."""
+        """Return the manifest of the earlier folder that this one may replace or continue with; None if it is free."""
         if self._resume:
             earlier = read_manifest(self.path, self._kind)
         elif self._is_free():
@@ -209,12 +195,12 @@ class ResultFolder:
         return earlier
 
     def _is_free(self) -> bool:
-        """Whether there is nothing in the folder; neither is what a process left that was killed before its first word.
+        """Whether the folder is empty; files of a process that was killed before it wrote ``run.json`` do not count.
 
         Raises
         ------
         ResultError
-            If something is in it that is not ours.
+            If it holds files that omnieval did not write.
         """
         try:
             present = list(self.path.iterdir())
@@ -279,7 +265,7 @@ def results_inside(folder: Path, name: str, kind: str, files: Iterable[str]) -> 
     folder
         The outer folder.
     name, kind
-        Name of the inner folder, and what it must hold to be ours.
+        Name of the inner folder, and which kind it must hold to count as one of omnieval's.
     files
         Names or patterns of all that it can hold besides ``run.json``.
 
@@ -300,7 +286,7 @@ def results_inside(folder: Path, name: str, kind: str, files: Iterable[str]) -> 
 
 
 def _remove(folder: Path, files: Iterable[str]) -> None:
-    """Remove files of our own, the folders that become empty by it, and what killed processes left half-written."""
+    """Remove files that omnieval wrote, the incomplete ones of killed processes, and the folders that become empty."""
     try:
         ours = [path for pattern in files for path in folder.glob(pattern)]
         left = [path for pattern in (".*.tmp", "*/.*.tmp") for path in folder.glob(pattern) if is_temporary(path)]

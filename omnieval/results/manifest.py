@@ -13,11 +13,14 @@ from typing import Any
 
 from omnieval.errors import ResultError
 from omnieval.results.schemas import SCHEMA_VERSION
+from omnieval.wording import near_path
 
 MANIFEST = "run.json"
 _ALWAYS = {"status": str, "process": dict, "started": str, "metrics": dict}
-"""What every manifest has."""
+"""The keys that every manifest has."""
 _PROC = Path("/proc")
+"""Where Linux shows its processes."""
+_POSIX = os.name == "posix"
 _ENDED = "ended"
 
 
@@ -27,12 +30,12 @@ def expanded(folder: str | Path) -> Path:
     Raises
     ------
     ResultError
-        If nobody has that home.
+        If there is no such home folder.
     """
     try:
         return Path(folder).expanduser()
     except RuntimeError as error:
-        raise ResultError(f"{folder}: there is no such home folder; give the path without ~") from error
+        raise ResultError(f"{folder}: there is no such home folder; write the path without ~") from error
 
 
 def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> dict[str, Any]:
@@ -47,7 +50,7 @@ def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> d
     try:
         content = json.loads(path.read_text("utf-8"))
     except (FileNotFoundError, NotADirectoryError) as error:
-        reason = f"it has no {MANIFEST}" if folder.is_dir() else "there is no such folder"
+        reason = f"it has no {MANIFEST}" if folder.is_dir() else f"there is no such folder; {near_path(folder)}"
         if folder.is_file():
             reason = f"it is a file; name the folder, {folder.parent}"
         raise ResultError(f"{folder} is not {_folder_of(kind)}: {reason}") from error
@@ -60,7 +63,7 @@ def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> d
             "run it again or use the version that wrote it"
         )
     if (other := content.get("kind")) != kind:
-        word = with_article(other) if isinstance(other, str) and other else "nothing we know"
+        word = with_article(other) if isinstance(other, str) and other else "of an unknown kind"
         raise ResultError(f"{folder} is {word}, not {with_article(kind)}; name the folder of {with_article(kind)}")
     if lacking := [name for name, type_ in _ALWAYS.items() if not isinstance(content.get(name), type_)]:
         raise ResultError(f"{path} is damaged: it has no {', '.join(lacking)}; run it again")
@@ -68,7 +71,7 @@ def read_manifest(folder: Path, kind: str, *, oldest: int = SCHEMA_VERSION) -> d
 
 
 def kind_of(folder: str | Path) -> str | None:
-    """Return what a folder of results says it holds, in a word; None if it says no such thing."""
+    """Return the kind of results that a folder holds, such as ``replay``; None if it says no such thing."""
     try:
         content = json.loads((expanded(folder) / MANIFEST).read_text("utf-8"))
     except (OSError, ValueError):
@@ -91,10 +94,11 @@ def this_process() -> dict[str, Any]:
 def is_alive(process: dict[str, Any]) -> bool:
     """Whether a process of `this_process` still exists, as far as this machine can tell; if it cannot, it does."""
     pid = process.get("pid")
-    if os.name != "posix" or process.get("host") != platform.node() or not isinstance(pid, int) or pid < 1:
+    if process.get("host") != platform.node() or not isinstance(pid, int) or pid < 1:
         return True
     try:
-        os.kill(pid, 0)
+        if _POSIX:  # elsewhere this would end the process
+            os.kill(pid, 0)
     except (ProcessLookupError, OverflowError):
         return False
     except PermissionError:
@@ -117,6 +121,8 @@ def _born(pid: int) -> str | None:
 
     None where the system does not say; `_ENDED` if it has ended and only waits for its parent to notice.
     """
+    if not _PROC.is_dir():
+        return _born_elsewhere(pid)
     try:
         boot = (_PROC / "sys/kernel/random/boot_id").read_text("ascii").strip()
         fields = (_PROC / str(pid) / "stat").read_text("utf-8", "replace").rpartition(")")[2].split()
@@ -124,3 +130,16 @@ def _born(pid: int) -> str | None:
         return None
     state, ticks = fields[0], fields[19]
     return _ENDED if state in {"Z", "X"} else f"{boot}/{ticks}"
+
+
+def _born_elsewhere(pid: int) -> str | None:
+    """Return when a process was born, on systems other than Linux; see `_born`."""
+    import psutil
+
+    try:
+        process = psutil.Process(pid)
+        return _ENDED if process.status() == psutil.STATUS_ZOMBIE else f"{process.create_time():.2f}"
+    except (psutil.NoSuchProcess, OverflowError):
+        return _ENDED
+    except psutil.Error:
+        return None

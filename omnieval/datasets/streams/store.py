@@ -9,10 +9,9 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,10 +20,8 @@ from omnieval.datasets.findings import Finding
 from omnieval.datasets.sequence import Frame, Pose
 from omnieval.datasets.source import Address
 from omnieval.errors import DatasetError
+from omnieval.locks import lock
 from omnieval.source_code import digest_of
-
-if sys.platform != "win32":
-    import fcntl
 
 INDEX = "index.json"
 _VERSION = 3
@@ -74,9 +71,11 @@ def decoded(address: Address, files: Sequence[Path], decode: Callable[[Path], Co
         if (contents := _read(folder)) is not None:
             return folder, contents
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with _alone(folder.with_name(f".{key}.lock")) as certain:
+        waiting = folder.with_name(f".{key}.lock")
+        waiting.touch()
+        with lock(waiting, wait=True) as alone:
             if (contents := _read(folder)) is None:
-                contents = _make(folder, decode, certain=certain)
+                contents = _make(folder, decode, certain=alone.certain)
         if _state(files) != state:
             shutil.rmtree(folder, ignore_errors=True)
             raise DatasetError("changed while it was read; wait until its recording has ended")
@@ -92,18 +91,6 @@ def _state(files: Sequence[Path]) -> list[list[int]]:
     """Return what changes when a file does, short of reading it whole."""
     states = [file.stat() for file in files]
     return [[at.st_size, at.st_mtime_ns, at.st_ctime_ns, at.st_ino] for at in states]
-
-
-@contextmanager
-def _alone(lock: Path) -> Iterator[bool]:
-    """Wait until no other process decodes the same; say whether that is certain, as some file systems have no locks."""
-    with lock.open("ab") as held:
-        certain = False
-        if sys.platform != "win32":
-            with suppress(OSError):
-                fcntl.flock(held, fcntl.LOCK_EX)
-                certain = True
-        yield certain
 
 
 def _make(folder: Path, decode: Callable[[Path], Contents], *, certain: bool) -> Contents:
