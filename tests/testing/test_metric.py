@@ -1,5 +1,7 @@
 """`check_metric` accepts the metrics that compute themselves, and says of a bad one which clause it breaks."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -40,5 +42,8 @@ def test_a_clause_that_does_not_hold_is_named(compute, said):
 
 
 def test_an_array_of_one_number_is_no_number():
+    def compute(judged) -> Any:
+        return np.ones(1)
+
     with pytest.raises(AssertionError, match="got array"):
-        check_metric(lambda judged: np.ones(1))
+        check_metric(compute)
