@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +134,20 @@ def test_card_and_weights_are_its_identity(model: Path) -> None:
     assert resolve_component("descriptor", spec).identity != one.identity
     with pytest.raises(ResultError, match="cannot be made again"):
         type(one).of_run("descriptor", one.about).again()
+
+
+@pytest.mark.slow
+def test_another_process_describes_to_the_bit_the_same(model: Path) -> None:
+    np.save(model.with_name("panorama.npy"), panorama())
+    program = (
+        "import sys, numpy; from omnieval.descriptors.network import Network; "
+        "one = Network(sys.argv[1]).describe(numpy.load(sys.argv[2])); "
+        "sys.stdout.write((one.position.tobytes() + one.orientation.tobytes()).hex())"
+    )
+    command = [sys.executable, "-c", program, str(model), str(model.with_name("panorama.npy"))]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    one = Network(model).describe(panorama())
+    assert said == (one.position.tobytes() + one.orientation.tobytes()).hex()
 
 
 @pytest.mark.parametrize(
