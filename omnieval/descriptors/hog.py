@@ -163,6 +163,7 @@ def _gradients(panorama: NDArray[np.uint8], kernel: Literal["central", "sobel"],
     return place[1:-1, 1:-1].astype(np.intp)
 
 
+@lru_cache(maxsize=1)
 def _tabulate(config: HogSettings, reach: int) -> _Votes:
     """Decide every possible gradient once, in double precision: many angles lie exactly on the border of two bins."""
     values = np.arange(-reach, reach + 1, dtype=np.float64)

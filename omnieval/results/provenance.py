@@ -38,8 +38,16 @@ _DECIDING = (
 
 def versions() -> dict[str, str]:
     """Return the versions of omnieval, Python and the libraries a result may depend on."""
-    libraries = {name: version(name) for name in _LIBRARIES}
-    return {"omnieval": version("omnieval"), "python": platform.python_version(), **libraries}
+    return {
+        "omnieval": _version("omnieval"),
+        "python": platform.python_version(),
+        **{one: _version(one) for one in _LIBRARIES},
+    }
+
+
+@cache
+def _version(name: str) -> str:
+    return version(name)
 
 
 @cache
