@@ -40,6 +40,8 @@ STANDS_FOR = {
     "merge_y=0.75:2.25:0.25": "merge_y=0.75,2.25",
     "n_new=10:50:10": "n_new=10,20",
     "n_new=10:40:10": "n_new=10,20",
+    # To render a whole building takes longer than all other commands together.
+    "replay synthetic:night:3": "replay synthetic:night",
     # Processes start slowly; that they change nothing is tested elsewhere.
     "--jobs 2": "--jobs 1",
     "--replicates 20": "--replicates 2",
