@@ -2,17 +2,22 @@
 
 import json
 import os
+from pathlib import Path
 
 import polars as pl
 import pytest
 
 import omnieval
 from omnieval.ablation.grid import parse_axis
+from omnieval.ablation.jobs import describe
 from omnieval.ablation.plan import make_plan
 from omnieval.ablation.run import best_run, job_states, run_plan
 from omnieval.ablation.summary import best_and_median
 from omnieval.config import Setting
+from omnieval.datasets.cachedir import cache_dir
+from omnieval.descriptors.stored import StoredDescriptions
 from omnieval.errors import ConfigError, ResultError
+from omnieval.material import opened
 from omnieval.metrics.evaluation import METRICS
 from omnieval.report.evidence import position_descriptors
 from omnieval.report.sources import open_sources
@@ -63,6 +68,20 @@ def test_the_table_has_its_schema_and_order(ablation, panoramas):
     assert pl.read_parquet(ablation.folder / "ablation.parquet").equals(table)
     assert len(pl.read_csv(ablation.folder / "ablation.csv")) == 6
     assert not (ablation.folder / "descriptors").exists()
+
+
+def test_jobs_read_descriptors_in_the_cache_and_without_one_come_to_the_same(
+    ablation, panoramas, tmp_path, monkeypatch
+):
+    with opened(panoramas, omnieval.configure()) as material:
+        described = describe(material, tmp_path / "own")
+    assert isinstance(described.descriptions, StoredDescriptions)
+    assert {Path(one).parents[2] for one in described.descriptions.segments} == {cache_dir()}
+    assert not (tmp_path / "own").exists()
+    monkeypatch.setenv("OMNIEVAL_CACHE", "/dev/null/none")
+    table = run_plan(plan_of(panoramas), out=tmp_path / "out").table
+    assert results(table).equals(results(ablation.table))
+    assert not (tmp_path / "out" / "descriptors").exists()
 
 
 def test_every_row_is_that_of_an_independent_replay(ablation, panoramas, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 from omnieval.datasets.sequence import Frame
 from omnieval.datasets.source import parse
 from omnieval.datasets.streams.store import INDEX, Contents, decoded
+from omnieval.descriptors.cache_folder import prune
 from omnieval.errors import DatasetError
 
 
@@ -137,3 +138,19 @@ def test_of_two_processes_at_once_one_decodes(stream):
     assert said[0][0] == said[1][0]
     assert sorted(calls for _, calls, _ in said) == [0, 1]
     assert {image for _, _, image in said} == {"image"}
+
+
+def test_what_a_process_has_opened_is_not_pruned(stream):
+    folder, _ = held(stream, Decoder())
+    pruned = prune(most_bytes=0)
+    assert [item.paths for item in pruned.in_use] == [(folder,)]
+    assert (folder / "frame000000.png").exists()
+
+
+def test_what_was_pruned_is_decoded_again(stream):
+    decode = "import sys; from tests.datasets.streams.test_store import *; held(sys.argv[1], Decoder())"
+    subprocess.run([sys.executable, "-c", decode, str(stream)], check=True)
+    assert [item.kind for item in prune(most_bytes=0).removed] == ["streams"]  # once it has ended, it holds nothing
+    decoder = Decoder()
+    held(stream, decoder)
+    assert decoder.calls == 1
