@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.tiles import TILE, TOGETHER, Group, Tile
 
-_WORTH_A_THREAD = 8
+WORTH_A_THREAD = 8
 """Tiles that a thread is given at least."""
 
 
@@ -79,6 +79,10 @@ class DescriptionStore:
         row = self._row(query, self._all, wanted)
         return Distances(row.position[others], row.orientation[others], row.shifts[others])
 
+    def position_distances(self, query: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return Euclidean distances of position descriptors, shape (m,)."""
+        return self.compare(query, others).position
+
     def compare_selected(self, query: int, selection: Selection) -> Distances:
         """Compare an image with all of a selection, in its order, shape (m,)."""
         others, count = selection.others, len(selection)
@@ -137,7 +141,7 @@ class DescriptionStore:
                 for row, position, orientation, shifts in zip(rows, *compared, strict=True):
                     row.put(number, position, orientation, shifts)
 
-        threads = min(self._threads, len(tiles) // _WORTH_A_THREAD)
+        threads = min(self._threads, len(tiles) // WORTH_A_THREAD)
         if threads < 2:
             fill(tiles)
         else:

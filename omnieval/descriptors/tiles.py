@@ -122,16 +122,41 @@ class Group:
         cells = self.orientations.shape[1]
         best, shifts = best_rolls(correlations(self.queries, tile.spectra, cells, first, last), scales[1])
 
-        def between_positions(one: int, other: int) -> float:
-            return float(np.square(self.positions[first + one] - tile.positions[other]).sum())
-
         def between_orientations(one: int, other: int) -> float:
             rolled = np.roll(tile.orientations[other], int(shifts[one, other]), axis=0)
             return float(np.square(self.orientations[first + one].astype(np.float64) - rolled).sum())
 
-        products = (self.positions @ tile.positions.T)[first:last]
-        position = _distances(scales[0], products, between_positions)
+        position = position_distances(
+            self.positions, self.squares[0], tile.positions, tile.squares[0], first, last
+        )
         return position, _distances(scales[1], best, between_orientations), shifts
+
+
+def position_distances(
+    positions: NDArray[np.float64],
+    squares: NDArray[np.float64],
+    others: NDArray[np.float64],
+    other_squares: NDArray[np.float64],
+    first: int,
+    last: int,
+) -> NDArray[np.float64]:
+    """Return distances of some position descriptors of a group from a tile's, shape (last - first, tile).
+
+    Parameters
+    ----------
+    positions, squares
+        Of the whole group, shapes (group, d) and (group,).
+    others, other_squares
+        Of the whole tile, shapes (tile, d) and (tile,).
+    first, last
+        The images wanted. All are multiplied: what comes out must not depend on which are wanted.
+    """
+    products = (positions @ others.T)[first:last]
+
+    def directly(one: int, other: int) -> float:
+        return float(np.square(positions[first + one] - others[other]).sum())
+
+    return _distances(squares[first:last, np.newaxis] + other_squares, products, directly)
 
 
 def _distances(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import DescriptionStore, Distances, Selection
+from omnieval.descriptors.screened_store import Bounds, ScreenedStore
 from omnieval.errors import ConfigError
 
 T = TypeVar("T")
@@ -42,12 +43,16 @@ class ImageMemory:
     ----------
     threads
         To compare with, where several images are compared at once.
+    screening
+        Whether images are screened before they are compared (`bounds`): for a mapper that can decide by that, and keeps
+        no evidence.
     """
 
-    def __init__(self, threads: int = 1) -> None:
+    def __init__(self, threads: int = 1, *, screening: bool = False) -> None:
         self._count = 0
         self._positions: NDArray[np.float64] = np.empty((0, 0))
-        self._store = DescriptionStore(threads)
+        self._store: DescriptionStore | ScreenedStore = ScreenedStore(threads) if screening else DescriptionStore(threads)
+        self.screening = screening
         self._shapes: tuple[tuple[int, ...], tuple[int, ...]] | None = None
 
     def __len__(self) -> int:
@@ -89,12 +94,28 @@ class ImageMemory:
         """Compare an image with others, shape (m,)."""
         return self._store.compare(frame, frames)
 
+    def position_distances(self, frame: int, frames: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return Euclidean distances of an image's position descriptor from others, shape (m,)."""
+        return self._store.position_distances(frame, frames)
+
+    def bounds(self, frame: int, frames: NDArray[np.int64]) -> Bounds:
+        """Screen an image against others, shape (m,); only where that was asked for."""
+        assert isinstance(self._store, ScreenedStore)
+        return self._store.bounds(frame, frames)
+
+    def foresee(self, frame: int, frames: NDArray[np.int64]) -> None:
+        """Say with which others an image that was expected will be screened; see `ScreenedStore.foresee`."""
+        assert isinstance(self._store, ScreenedStore)
+        self._store.foresee(frame, frames)
+
     def select(self, frame: int, selection: Selection) -> None:
         """Add an image to a selection, which images are compared with at once by `compare_selected`."""
+        assert isinstance(self._store, DescriptionStore)  # those that select compare exactly
         self._store.select(frame, selection)
 
     def compare_selected(self, frame: int, selection: Selection) -> Distances:
         """Compare an image with all of a selection, in its order, shape (m,)."""
+        assert isinstance(self._store, DescriptionStore)
         return self._store.compare_selected(frame, selection)
 
     def expect(self, descriptions: Sequence[Description]) -> None:

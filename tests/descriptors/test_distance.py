@@ -83,7 +83,7 @@ def all_numbers(store, count):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_is_expected_or_anticipated_has_the_same_bits(threads, monkeypatch):
-    monkeypatch.setattr(distance, "_WORTH_A_THREAD", 1)  # seven tiles would otherwise all be one thread's
+    monkeypatch.setattr(distance, "WORTH_A_THREAD", 1)  # seven tiles would otherwise all be one thread's
     images = descriptions(200)
     plain, hinted = DescriptionStore(), DescriptionStore(threads)
     for start in range(0, 200, 25):

@@ -27,6 +27,7 @@ from omnieval.mapping.roman2020.conditions import (
 from omnieval.mapping.roman2020.evidence import COLUMNS, CURVES, GATES, ROLES, Centroid, ImageMatch, NodeGate, Verdict
 from omnieval.mapping.roman2020.matching import match_image
 from omnieval.mapping.roman2020.node import Node, NodeBank, fit_node, grow_node
+from omnieval.mapping.roman2020.screened import ScreenedMatch, screened_best, screened_match
 from omnieval.mapping.roman2020.settings import PRESETS, Roman2020Settings, Sides
 from omnieval.mapping.step import Comparison, Curves, EventKind, FinalMap, Match, NodeEvent, Number, Placement, Step
 
@@ -150,7 +151,18 @@ class Roman2020(BranchingMapper):
         pending = self._first_pending(frame, examination.gate.x, journal)
         if pending is not None:
             return pending, Placement.RETEST
-        return self._match(frame, self._nodes).node, Placement.FORCED
+        return self._best(frame).node, Placement.FORCED
+
+    def expect(self, descriptions: Sequence[Description]) -> None:
+        """See `Mapper.expect`."""
+        super().expect(descriptions)
+        if self.images.screening and self._nodes:
+            members = self._members
+            for ahead, description in enumerate(descriptions):
+                gate = self._gate_of(description.position.astype(np.float64))
+                if len(gate.candidates):
+                    frames = np.concatenate([members[node] for node in gate.candidates.tolist()])
+                    self.images.foresee(len(self.images) + ahead, frames)
 
     # -- looking at an image; nothing here changes the map ------------------------------------------------
 
@@ -186,6 +198,8 @@ class Roman2020(BranchingMapper):
         candidates = gate.candidates.tolist()
         if not candidates:
             return _Examination(Verdict.NO_CANDIDATE, gate)
+        if self.images.screening and (decided := self._screened(frame, candidates)) is not None:
+            return _Examination(Verdict.ASSIGNED if decided[1] else Verdict.PROMINENCE, gate, decided[0])
         match = self._match(frame, candidates)
         _compare_best(journal, match, candidates, [len(self._nodes[node].frames) for node in candidates])
         if match.peaks >= 2:
@@ -199,18 +213,34 @@ class Roman2020(BranchingMapper):
 
     def _gate(self, frame: int, journal: Journal) -> NodeGate:
         """Node-level loop closure (Eq. 4)."""
-        ratios = self._active.ratios(self.images.position(frame))
-        if self.settings.node_gate == "two-sided":
-            ratios = np.abs(ratios)
+        gate = self._gate_of(self.images.position(frame))
         floor = gate_floor(len(self._active.ids))
-        gate = NodeGate(gate_threshold(self.settings.omega, len(self._active.ids)), self._active.ids, ratios)
         nodes = self._active.ids.tolist()
-        journal.compare("node", ratios.tolist(), gate.x, of=nodes, parameter="omega", floor=floor)
+        journal.compare("node", gate.ratios.tolist(), gate.x, of=nodes, parameter="omega", floor=floor)
         return gate
 
+    def _gate_of(self, position: NDArray[np.float64]) -> NodeGate:
+        ratios = self._active.ratios(position)
+        if self.settings.node_gate == "two-sided":
+            ratios = np.abs(ratios)
+        return NodeGate(gate_threshold(self.settings.omega, len(self._active.ids)), self._active.ids, ratios)
+
     def _match(self, frame: int, candidates: Iterable[int]) -> ImageMatch:
-        members = {node.id: node.frames for node in self._nodes.values()}
-        return match_image(self.images, frame, members, candidates, prominence_mean=self.settings.prominence_mean)
+        return match_image(
+            self.images, frame, self._members, candidates, prominence_mean=self.settings.prominence_mean
+        )
+
+    def _screened(self, frame: int, candidates: Iterable[int]) -> tuple[ScreenedMatch, bool] | None:
+        return screened_match(self.images, frame, self._members, candidates, self.settings)
+
+    def _best(self, frame: int) -> ImageMatch | ScreenedMatch:
+        """Return the most similar image of all nodes."""
+        screened = screened_best(self.images, frame, self._members, self._nodes) if self.images.screening else None
+        return screened or self._match(frame, self._nodes)
+
+    @property
+    def _members(self) -> dict[int, NDArray[np.int64]]:
+        return {node.id: node.frames for node in self._nodes.values()}
 
     def _first_pending(self, frame: int, x: float, journal: Journal) -> int | None:
         """Return the nearest pending node whose gate lets the image in."""
@@ -257,7 +287,7 @@ class Roman2020(BranchingMapper):
         old = self._nodes[node]
         # The match has just compared the image with its candidates; a pending node is small.
         known = placement is Placement.LOOP_CLOSURE
-        squared = np.square(self.images.compare(frame, old.frames).position) if known else None
+        squared = np.square(self.images.position_distances(frame, old.frames)) if known else None
         self._put(grow_node(old, frame, self.images.positions, self.settings, squared_distances=squared))
         return self._settle(node, journal, created=False)
 
@@ -324,6 +354,9 @@ class Roman2020(BranchingMapper):
         examination: _Examination | None,
     ) -> Step:
         match = examination.match if examination else None
+        if self.images.screening:
+            return self._decision(frame, verdict, node, run, journal, match)
+        assert not isinstance(match, ScreenedMatch)  # which are of screened images only
         return Step(
             frame=frame,
             verdict=verdict.value,
@@ -337,12 +370,33 @@ class Roman2020(BranchingMapper):
         )
 
 
+    def _decision(
+        self,
+        frame: int,
+        verdict: Verdict,
+        node: int | None,
+        run: int,
+        journal: Journal,
+        match: ImageMatch | ScreenedMatch | None,
+    ) -> Step:
+        """Report a decision without what it was made by."""
+        return Step(
+            frame=frame,
+            verdict=verdict.value,
+            role=ROLES[verdict],
+            node=node,
+            match=Match(match.best_frame, match.node, match.shift) if match else None,
+            events=tuple(journal.events),
+            measured={"run": run},
+        )
+
+
 def _measured(examination: _Examination | None, journal: Journal, run: int) -> dict[str, Number]:
     """Return what the columns of the method hold."""
     measured: dict[str, Number] = {"run": run, "merge_ratio": journal.first("merge")}
     if examination is None:
         return measured
-    if match := examination.match:
+    if isinstance(match := examination.match, ImageMatch):
         measured["similarity_position"] = float(match.position[match.best])
         measured["similarity_orientation"] = float(match.orientation[match.best])
         measured["similarity"] = float(match.similarity[match.best])
@@ -385,7 +439,7 @@ class _Examination:
 
     verdict: Verdict
     gate: NodeGate
-    match: ImageMatch | None = None
+    match: ImageMatch | ScreenedMatch | None = None
     centroid: Centroid | None = None
 
     @property
