@@ -10,6 +10,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,6 +75,7 @@ def replay(
     recording: RecordingOptions | bool | None = None,
     save_map: bool = True,
     continuing: Run | str | Path | None = None,
+    evidence: bool = True,
     progress: Progress | None = None,
     **parameters: Any,
 ) -> Run:
@@ -109,6 +111,9 @@ def replay(
         A run, or its folder, whose map is continued: its images are mapped again, from the map, and the sequence
         follows on them, as if both had been one. The run brings mapper, descriptor and imaging, so that none of these
         is given.
+    evidence
+        Whether to keep what was compared at every step. Without it a mapper that can decide by bounds on what it
+        compares (`BranchingMapper.screens`) comes to the same decisions faster; what it was near to is not known.
     progress
         Called with (frames done, frames in all).
     **parameters
@@ -117,7 +122,8 @@ def replay(
     Raises
     ------
     ConfigError
-        If a parameter is wrong, there is no such component, or the sequence is too short for the mapper.
+        If a parameter is wrong, there is no such component, evidence cannot be left out, or the sequence is too short
+        for the mapper.
     DatasetError
         If the sequence cannot be read, or one of its images is not fit for use: before the first step.
     ResultError
@@ -146,6 +152,7 @@ def replay(
             overwrite=overwrite,
             recording=options,
             save_map=save_map,
+            evidence=evidence,
             progress=progress,
         )
 
@@ -244,14 +251,17 @@ def run(
     overwrite: bool = False,
     recording: RecordingOptions | None = None,
     save_map: bool = True,
+    evidence: bool = True,
     progress: Progress | None = None,
 ) -> Run:
     """Map the material, step by step, into a run folder; see `replay`."""
-    mapper = made_mapper(config.mapper)
+    if recording and not evidence:
+        raise ConfigError("a recording shows the evidence of every step; leave out either of them")
+    mapper = made_mapper(config.mapper, evidence=evidence)
     if fault := too_short(mapper, len(material.frames)):
         raise ConfigError(f"{material.source}: {fault}")
     method = Method.of(mapper, config.mapper.name, config.mapper.settings)
-    with RunWriter(folder, _manifest(material, config, method), overwrite=overwrite) as writer:
+    with RunWriter(folder, _manifest(material, config, method, evidence=evidence), overwrite=overwrite) as writer:
         trace = _Trace()
         sink = None
         try:
@@ -259,18 +269,26 @@ def run(
                 from omnieval.sinks import RecordingSink  # loads Rerun, which nobody else waits for
 
                 sink = RecordingSink(writer.path / RECORDING, material, method, recording)
-            atlas = MapWriter(writer.path, len(material.frames)) if save_map else None
-            return _run(material, config, mapper, writer, trace, atlas, sink, progress)
+            with MapWriter(writer.path) if save_map else nullcontext() as atlas:
+                return _run(material, config, mapper, writer, trace, atlas, sink, progress)
         finally:
             if sink:
                 sink.close()
 
 
-def made_mapper(component: Component) -> Mapper:
-    """Return a new mapper, which compares images on all processors if it can."""
+def made_mapper(component: Component, *, evidence: bool = True) -> Mapper:
+    """Return a new mapper, which compares images on all processors if it can.
+
+    Raises
+    ------
+    ConfigError
+        If it is to leave its evidence out, and cannot.
+    """
     branching = component.given is None and issubclass(component.cls, BranchingMapper)
-    more = {"images": ImageMemory(threads=os.cpu_count() or 1)} if branching else {}
-    mapper: Mapper = component.make(**more)
+    if not evidence and not (branching and component.cls.screens):
+        raise ConfigError(f"the mapper {component.name} decides by its evidence, which cannot be left out")
+    memory = ImageMemory(threads=os.cpu_count() or 1, screening=not evidence)
+    mapper: Mapper = component.make(**({"images": memory} if branching else {}))
     return mapper
 
 
@@ -357,7 +375,7 @@ def _run(
         "transitions": transitions_frame(final),
         "quality": quality_frame(evaluation.measures),
     }
-    outcome = _outcome(material, config.mapper, trace, evaluation, seconds)
+    outcome = _outcome(material, config.mapper, trace, evaluation, seconds, writer.content.get("evidence", True))
     if atlas:
         made_by = {name: writer.content[name] for name in _MADE_BY if name in writer.content}
         atlas.finish(final, steps, {**made_by, "run": outcome["identity"]})
@@ -433,7 +451,7 @@ def _steps(mapper: Mapper, material: Material) -> Iterator[tuple[Frame, Describe
             yield frame, described, step, 1e3 * (time.perf_counter() - before + ahead)
 
 
-def _manifest(material: Material, config: Config, method: Method) -> dict[str, Any]:
+def _manifest(material: Material, config: Config, method: Method, *, evidence: bool) -> dict[str, Any]:
     """Return what ``run.json`` says when the run begins."""
     return {
         **material.about,
@@ -441,15 +459,16 @@ def _manifest(material: Material, config: Config, method: Method) -> dict[str, A
         "imaging": config.imaging.model_dump(mode="json"),
         "versions": versions(),
         "code": code_digest(),
+        **({} if evidence else {"evidence": False}),
     }
 
 
 def _outcome(
-    material: Material, mapper: Component, trace: _Trace, evaluation: Evaluation, seconds: float
+    material: Material, mapper: Component, trace: _Trace, evaluation: Evaluation, seconds: float, evidence: bool
 ) -> dict[str, Any]:
     """Return what ``run.json`` says besides when the run is complete."""
     fingerprint = dataset_fingerprint(material.frames, trace.digests)
-    determining = {"mapper": mapper.identity, **material.determining}
+    determining = {"mapper": mapper.identity, **material.determining, **({} if evidence else {"evidence": False})}
     return {
         "dataset_fingerprint": fingerprint,
         "identity": identity(determining, fingerprint),

@@ -53,6 +53,9 @@ ARCHIVE_SCHEME = "npz:"
 ARCHIVE = Component("descriptor", "archive", None, {}, "")
 """Stands for the descriptor of an archive, whose descriptions are part of the fingerprint."""
 
+_RELEASED = 512
+"""Images of an archive after which the memory they were in is let go."""
+
 Source = str | Path | Sequence
 
 _LOG = logging.getLogger("omnieval")
@@ -632,7 +635,9 @@ def _of_archive(file: Path, cut: Cut) -> Material:
 
 
 def _of_arrays(archive: Archive, chosen: Iterable[int]) -> Iterator[DescribedFrame]:
-    for index in chosen:
+    for number, index in enumerate(chosen):
+        if number % _RELEASED == 0:
+            archive.release()
         description = archive.description(index)
         yield DescribedFrame(description, _digest(description))
 

@@ -185,6 +185,26 @@ def test_the_mapper_alone_on_an_archive_decides_the_same(run, panoramas, tmp_pat
         assert set(arrays.files) == {"position", "orientation", "file", "xy", "yaw", "room", "time_ns"}
 
 
+def test_without_evidence_the_decisions_and_the_map_are_the_same(run, panoramas, tmp_path):
+    config = omnieval.configure(CONFIG)
+    bare = replay(panoramas, config=config, out=tmp_path / "bare", evidence=False)
+    said = ["frame", "verdict", "role", "node", "best_frame", "best_node", "shift", "node_final", "placement", "event"]
+    assert bare.steps.select(said).equals(run.steps.select(said))
+    assert bare.map.digest == run.map.digest
+    assert bare.metrics == run.metrics
+    assert bare.steps.select("x_gate", "similarity", "prominence_ratio", "margin").null_count().row(0) == (80,) * 4
+    assert bare.manifest["evidence"] is False
+    assert bare.manifest["identity"] != run.manifest["identity"]  # the tables are others
+
+
+def test_evidence_that_is_needed_is_not_left_out(panoramas, tmp_path):
+    with pytest.raises(ConfigError, match="the mapper leader decides by its evidence"):
+        replay(panoramas, mapper="leader", out=tmp_path / "leader", evidence=False)
+    with pytest.raises(ConfigError, match="a recording shows the evidence"):
+        replay(panoramas, out=tmp_path / "recorded", recording=True, evidence=False)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_mapper_of_ones_own_is_replayed_recorded_and_rebuilt(run, panoramas, tmp_path):
     own = replay(panoramas, mapper=Slices(), out=tmp_path / "own", recording=RecordingOptions())
     assert (own.config.mapper.name, own.config.mapper.spec) == ("slices", "tests.testing.test_mapper:Slices")

@@ -27,6 +27,13 @@ def map_descriptors(
     out: options.Out = None,
     overwrite: options.Overwrite = False,
     rrd: Annotated[bool, typer.Option("--rrd", help="Also write a recording, without pictures.")] = False,
+    no_evidence: Annotated[
+        bool,
+        typer.Option(
+            "--no-evidence",
+            help="Keep the decisions and not what was compared for them: the same, and sooner, of long sequences.",
+        ),
+    ] = False,
     json: options.Json = False,
 ) -> None:
     """Run only the mapper, on descriptors that any program computed, and write the run folder.
@@ -55,6 +62,7 @@ def map_descriptors(
             out=out,
             overwrite=overwrite,
             recording=recording,
+            evidence=not no_evidence,
             progress=report,
         )
     print_run(run, json=json)

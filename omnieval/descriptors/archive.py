@@ -3,12 +3,18 @@
 Arrays, n images: `position` (n, d) and `orientation` (n, cells, bins), floating point; `file` or `files` (n,) text;
 optional `xy` (n, 2) metres and `yaw` (n,) radians (NaN where unknown), `room` or `rooms` (n,) text (empty where
 unknown), `time_ns` (n,) int64. Nothing in an archive is ever executed: pickled objects are refused.
+
+Orientation descriptors, nearly all of an archive, stay in the file where they are stored as they are used (single
+precision, not compressed), and are mapped into memory.
 """
 
 from __future__ import annotations
 
 import io
 import lzma
+import math
+import mmap
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
@@ -51,6 +57,10 @@ _UNREADABLE = (
     lzma.LZMAError,
 )
 """What `zipfile` and `numpy` raise, according to where a file is damaged."""
+_CHUNK = 1 << 22
+"""Bytes to check at once."""
+_LOCAL = struct.Struct("<26xHH")
+"""What comes before the content of a file in an archive, with the lengths of its name and of what follows that."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +74,20 @@ class Archive:
     position
         Shape (n, d), float32.
     orientation
-        Shape (n, cells, bins), float32.
+        Shape (n, cells, bins), float32; of a file that is mapped it cannot be written to.
+    mapped
+        The file, if it is mapped.
     """
 
     frames: tuple[Frame, ...]
     position: NDArray[np.float32]
     orientation: NDArray[np.float32]
+    mapped: mmap.mmap | None = None
+
+    def release(self) -> None:
+        """Let go of the memory that parts of a mapped file are in; they are read again when they are used."""
+        if self.mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
+            self.mapped.madvise(mmap.MADV_DONTNEED)
 
     def description(self, index: int) -> Description:
         """Return the description of one frame."""
@@ -106,7 +124,7 @@ def load_archive(file: Path) -> Archive:
     DatasetError
         One line that says which array is wrong and how.
     """
-    arrays = _read_arrays(file)
+    arrays, mapped = _read_arrays(file)
     position = _finite(file, arrays, "position", shape=(None, None))
     count = len(position)
     orientation = _finite(file, arrays, "orientation", shape=(count, None, None))
@@ -125,11 +143,16 @@ def load_archive(file: Path) -> Archive:
         )
         for i in range(count)
     )
-    return Archive(frames, position, orientation)
+    archive = Archive(frames, position, orientation, mapped)
+    archive.release()
+    return archive
 
 
-def _read_arrays(file: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays that mean something to us; whatever else is in the archive is not even read."""
+def _read_arrays(file: Path) -> tuple[dict[str, NDArray[Any]], mmap.mmap | None]:
+    """Return the arrays that mean something to us, and the file if one of them is mapped.
+
+    Whatever else is in the archive is not even read.
+    """
     try:
         if file.is_dir():
             raise DatasetError(
@@ -146,10 +169,36 @@ def _read_arrays(file: Path) -> dict[str, NDArray[Any]]:
                 raise DatasetError(
                     f"{file}: no array {missing[0]!r}, it has {there}; position and orientation are needed"
                 )
-            return {name: _read_array(archive, one) for one, name in spelt.items()}
+            arrays = {name: _read_array(archive, one) for one, name in spelt.items() if name != "orientation"}
+            (orientation,) = (one for one, name in spelt.items() if name == "orientation")
+            found = _mapped(file, archive, f"{orientation}.npy")
+            arrays["orientation"], mapped = found or (_read_array(archive, orientation), None)
+            return arrays, mapped
     except _UNREADABLE as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise DatasetError(f"cannot read descriptors {file}: {reason}; expected a .npz archive") from error
+
+
+def _mapped(file: Path, archive: zipfile.ZipFile, name: str) -> tuple[NDArray[np.float32], mmap.mmap] | None:
+    """Return an array that stays in its file, with that file; None if it is stored in another way."""
+    told = archive.getinfo(name)
+    if told.compress_type != zipfile.ZIP_STORED:
+        return None
+    with archive.open(name) as stream:
+        version = np.lib.format.read_magic(stream)
+        if version not in {(1, 0), (2, 0)}:
+            return None
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, fortran, kind = read(stream)
+        begins, values = stream.tell(), math.prod(shape)
+        if fortran or kind != np.dtype("<f4") or values == 0 or told.file_size != begins + 4 * values:
+            return None
+        while stream.read(_CHUNK):  # to its end, where its checksum is looked at
+            pass
+    with file.open("rb") as opened:
+        mapped = mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ)
+    begins += told.header_offset + _LOCAL.size + sum(_LOCAL.unpack_from(mapped, told.header_offset))
+    return np.frombuffer(mapped, "<f4", values, begins).reshape(shape), mapped
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
@@ -183,8 +232,10 @@ def _finite(
 ) -> NDArray[np.float32]:
     array = _checked(file, arrays, name, kind="f", shape=shape)
     with np.errstate(over="ignore"):  # what single precision cannot hold becomes infinite, and is refused
-        single = array.astype(np.float32)
-    whole = np.isfinite(single).reshape(len(single), -1).all(axis=1)
+        single = array.astype(np.float32, copy=False)
+    rows = max(1, _CHUNK * len(single) // max(1, single.nbytes))
+    chunks = [single[first : first + rows] for first in range(0, len(single), rows)]
+    whole = np.concatenate([np.isfinite(chunk).reshape(len(chunk), -1).all(axis=1) for chunk in chunks])
     if not whole.all():
         raise DatasetError(
             f"{file}: array {name!r} has NaN or infinite values, first in image {int(whole.argmin())}; "

@@ -165,18 +165,18 @@ class ScreenedStore:
         foreseen = np.stack([self._foreseen.get(number, everything) for number in screened.places])
         wanted = foreseen & later[:, np.newaxis] & ~screened.known
         wanted[place] = True
-        rows = np.flatnonzero(wanted[:, tiles].any(axis=1))
-        batch = screened.batch if len(rows) > len(wanted) // 2 else screened.batch.only(rows)
-        if batch is screened.batch:
-            rows = np.arange(len(wanted))
+        # Most tiles are of the same few nodes, and so wanted by the same images.
+        patterns, pattern_of = np.unique(wanted[:, tiles], axis=1, return_inverse=True)
+        rows = [np.flatnonzero(pattern) for pattern in patterns.T]
+        batches = [screened.batch.only(some) for some in rows]
 
         def fill(some: Sequence[int]) -> list[None]:
-            for number in some:
-                chosen = wanted[rows, number]
-                screened.put(number, rows[chosen], batch.screen(self._sketches[number], chosen))
+            for index in some:
+                number, pattern = tiles[index], int(pattern_of[index])
+                screened.put(number, rows[pattern], batches[pattern].screen(self._sketches[number]))
             return []
 
-        self._in_threads(fill, tiles)
+        self._in_threads(fill, range(len(tiles)))
 
     def _in_threads(self, work: Callable[[Sequence[int]], list[T]], items: Sequence[int]) -> list[T]:
         """Divide work on tiles among threads, if it is worth that; results come in the order of the tiles."""

@@ -8,9 +8,9 @@ The bound on the error of a correlation c(s), u being the rounding unit of singl
     |c~(s) - c(s)| <= 2 u (A |q| |k| + B R),   R^2 = sum_s' c(s')^2 <= sum_f w_f / N |Q_f|^2 |K_f|^2   (f > 0)
 
 A is what rounding the spectra and summing 2 bins products comes to in every frequency (Higham, *Accuracy and Stability
-of Numerical Algorithms*, 2002, section 3.1, with Cauchy-Schwarz over the bins and Parseval over the frequencies); B is
-that of a Fourier transform (section 24.1: log2 N stages of at most 8 u for powers of two, p + 6 for a factor p), relative
-to the root of the sum of squares R, which bounds the largest error. The 2 is for terms of higher order.
+of Numerical Algorithms*, 2002, section 3.1, with Cauchy-Schwarz over the bins and Parseval over the frequencies). B is
+that of a Fourier transform (section 24.1: log2 N stages of at most 8 u for powers of two, p + 6 for a factor p),
+relative to the root of the sum of squares R, which bounds the largest error. The 2 is for terms of higher order.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _UNIT = 2.0**-24
 """Rounding unit of single precision."""
 _EXACT = 1e-12
 """Relative to the squared norms, more than distances in double precision are rounded by."""
-_TINY, _HUGE = 1e-28, 1e28
-"""Products of norms beyond which single precision loses digits, or overflows."""
+_TINY, _HUGE = 1e-12, 1e18
+"""Products of norms beyond which single precision loses digits of their squares, or overflows."""
 _BACK = cv2.DFT_INVERSE | cv2.DFT_ROWS | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
 
 
@@ -140,34 +140,21 @@ class Batch:
         queries = np.ascontiguousarray(self.queries[:, both])
         return Batch(self.positions[rows], queries, self.norms[rows], self.squares[:, rows], self.cells)
 
-    def screen(
-        self, sketch: Sketch, wanted: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
-        """Screen images of the batch against a tile.
-
-        Parameters
-        ----------
-        sketch
-            The tile.
-        wanted
-            Which of the q images, shape (q,).
+    def screen(self, sketch: Sketch) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
+        """Screen the batch against a tile.
 
         Returns
         -------
         Inner products of positions, largest correlations of orientations, and how far these may be off, each of shape
-        (wanted, tile).
+        (q, tile).
         """
-        largest = np.empty((len(self.positions), TILE), np.float32)
         with np.errstate(over="ignore", invalid="ignore"):
-            products = np.matmul(self.queries, sketch.spectra).reshape(-1, largest.size)
+            products = np.matmul(self.queries, sketch.spectra).reshape(-1, len(self.positions) * TILE)
             mean = products[0] / np.float32(self.cells)
             products[1] = 0.0
-            for first, last in _runs(wanted):
-                packed = cv2.transpose(products[1 : self.cells + 1, first * TILE : last * TILE])
-                rolls = cv2.dft(packed, flags=_BACK).reshape(len(packed), -1)
-                best = rolls[np.arange(len(rolls)), rolls.argmax(axis=1)] + mean[first * TILE : last * TILE]
-                largest[first:last] = best.reshape(-1, TILE)
-        return self.positions[wanted] @ sketch.positions.T, largest[wanted], self._errors(sketch)[wanted]
+            rolls = cv2.dft(cv2.transpose(products[1 : self.cells + 1]), flags=_BACK).reshape(len(mean), -1)
+            largest = rolls[np.arange(len(rolls)), rolls.argmax(axis=1)] + mean
+        return self.positions @ sketch.positions.T, largest.reshape(-1, TILE), self._errors(sketch)
 
     def _errors(self, sketch: Sketch) -> NDArray[np.float32]:
         """Return how far correlations in single precision may be off, shape (q, tile)."""
@@ -183,12 +170,6 @@ class Batch:
         ).astype(np.float32)
         errors[~((sizes > _TINY) & (sizes < _HUGE))] = np.inf
         return errors
-
-
-def _runs(wanted: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the ranges of what is wanted."""
-    edges = np.flatnonzero(np.diff(wanted, prepend=False, append=False))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 @cache
@@ -217,9 +198,9 @@ def between(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return bounds of distances, below and above, of sums of squared norms and inner products that may be off."""
     slack = 2.0 * errors + _EXACT * squares
-    squared = squares - 2.0 * products
     with np.errstate(invalid="ignore"):
+        squared = squares - 2.0 * products
         low = np.sqrt(np.maximum(squared - slack, 0.0))
         high = np.sqrt(np.maximum(squared + slack, 0.0))
-    unknown = ~np.isfinite(slack + squared)
-    return np.where(unknown, 0.0, low), np.where(unknown, np.inf, high)
+    known = np.isfinite(slack) & np.isfinite(squared)
+    return np.where(known, low, 0.0), np.where(known, high, np.inf)

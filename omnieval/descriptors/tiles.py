@@ -126,9 +126,7 @@ class Group:
             rolled = np.roll(tile.orientations[other], int(shifts[one, other]), axis=0)
             return float(np.square(self.orientations[first + one].astype(np.float64) - rolled).sum())
 
-        position = position_distances(
-            self.positions, self.squares[0], tile.positions, tile.squares[0], first, last
-        )
+        position = position_distances(self.positions, self.squares[0], tile.positions, tile.squares[0], first, last)
         return position, _distances(scales[1], best, between_orientations), shifts
 
 

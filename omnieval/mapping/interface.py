@@ -211,9 +211,12 @@ class BranchingMapper(Mapper):
     swept
         Parameters that enter decisions through comparisons alone, which say between which values of them a decision is
         the same.
+    screens
+        Whether it can decide by bounds where its images are screened (`ImageMemory.screening`), without evidence.
     """
 
     swept: ClassVar[tuple[str, ...]] = ()
+    screens: ClassVar[bool] = False
 
     def __init__(self, settings: Any = None, images: ImageMemory | None = None) -> None:
         super().__init__(settings)

@@ -6,7 +6,7 @@ Arrays only, none of which can be changed: no query changes a map.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from html import escape
@@ -121,12 +121,7 @@ class TopologicalMap:
     @cached_property
     def digest(self) -> str:
         """Digest of all arrays, BLAKE2b, 16 bytes, hexadecimal: equal maps have equal ones."""
-        digest = hashlib.blake2b(digest_size=16)
-        for name in ARRAYS:
-            array = np.ascontiguousarray(getattr(self, name))
-            digest.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
-            digest.update(array.tobytes() if array.dtype.kind == "U" else array.data)  # text has no buffer
-        return digest.hexdigest()
+        return digest_of({name: getattr(self, name) for name in ARRAYS})
 
     def description(self, frame: int) -> Description:
         """Return what an image looks like to the descriptor."""
@@ -139,6 +134,38 @@ class TopologicalMap:
     def images_of(self, node: int) -> NDArray[np.int64]:
         """Return the images of a node, ascending."""
         return np.flatnonzero(self.labels == node)
+
+
+@dataclass(frozen=True)
+class StreamedArray:
+    """An array that comes in parts, so that it never is in memory whole.
+
+    Attributes
+    ----------
+    dtype, shape
+        As of an array.
+    chunks
+        Gives its bytes, from the first, each time it is called.
+    """
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    chunks: Callable[[], Iterator[bytes]]
+
+
+def digest_of(arrays: Mapping[str, NDArray[Any] | StreamedArray]) -> str:
+    """Return the digest of the arrays of a map; see `TopologicalMap.digest`."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name in ARRAYS:
+        array = arrays[name]
+        digest.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
+        if isinstance(array, StreamedArray):
+            for chunk in array.chunks():
+                digest.update(chunk)
+            continue
+        array = np.ascontiguousarray(array)
+        digest.update(array.tobytes() if array.dtype.kind == "U" else array.data)  # text has no buffer
+    return digest.hexdigest()
 
 
 def arrays_of(final: FinalMap, positions: NDArray[np.float32]) -> dict[str, NDArray[Any]]:

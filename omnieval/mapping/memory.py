@@ -51,7 +51,9 @@ class ImageMemory:
     def __init__(self, threads: int = 1, *, screening: bool = False) -> None:
         self._count = 0
         self._positions: NDArray[np.float64] = np.empty((0, 0))
-        self._store: DescriptionStore | ScreenedStore = ScreenedStore(threads) if screening else DescriptionStore(threads)
+        self._store: DescriptionStore | ScreenedStore = (
+            ScreenedStore(threads) if screening else DescriptionStore(threads)
+        )
         self.screening = screening
         self._shapes: tuple[tuple[int, ...], tuple[int, ...]] | None = None
 

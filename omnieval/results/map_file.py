@@ -5,11 +5,14 @@ Orientation descriptors are nearly all of it, 16 kB per image of 256 cells x 16 
 
 from __future__ import annotations
 
+import contextlib
 import json
+import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import IO, Any, Self
 
 import numpy as np
 import polars as pl
@@ -17,7 +20,7 @@ from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
 from omnieval.errors import ResultError
-from omnieval.mapping.map import ARRAYS, TopologicalMap, arrays_of
+from omnieval.mapping.map import ARRAYS, StreamedArray, TopologicalMap, arrays_of, digest_of
 from omnieval.mapping.step import FinalMap
 from omnieval.results.atomic import replacing, write_json
 
@@ -27,29 +30,53 @@ MAP_VERSION = 1
 """Version of the format of a map."""
 UNTIMED = np.iinfo(np.int64).min
 """Stands for a time that is not known."""
+_CHUNK = 1 << 22
+"""Bytes to copy at once."""
 
 
 class MapWriter:
     """Gathers the descriptions of a sequence while it is mapped, and writes its map at the end.
 
+    Orientation descriptors wait in a file without a name, which is gone when the writer is left, as a context.
+
     Parameters
     ----------
     folder
         Where `MAP_FILE` and `MAP_ABOUT` go.
-    images
-        How many images there will be.
     """
 
-    def __init__(self, folder: Path, images: int) -> None:
-        self._folder, self._images = folder, images
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
         self._positions: list[NDArray[np.float32]] = []
-        self._orientations = np.empty((0, 0, 0), np.float32)
+        self._shape: tuple[int, ...] = ()
+        self._orientations: IO[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._orientations is not None:
+            with contextlib.suppress(OSError):  # what could not be written is not wanted any more
+                self._orientations.close()
 
     def add(self, description: Description) -> None:
-        """Add the next image."""
-        if not self._positions:
-            self._orientations = np.empty((self._images, *description.orientation.shape), np.float32)
-        self._orientations[len(self._positions)] = description.orientation
+        """Add the next image.
+
+        Raises
+        ------
+        ResultError
+            If it cannot be kept.
+        """
+        orientation = np.ascontiguousarray(description.orientation, np.float32)
+        try:
+            if self._orientations is None:
+                self._orientations = tempfile.TemporaryFile(dir=self._folder)  # noqa: SIM115
+                self._shape = orientation.shape
+            self._orientations.write(orientation.data)
+        except OSError as error:
+            raise _unwritten(self._folder / MAP_FILE, error) from error
         self._positions.append(np.asarray(description.position, np.float32))
 
     def finish(self, final: FinalMap, steps: pl.DataFrame, about: dict[str, Any]) -> None:
@@ -69,11 +96,38 @@ class MapWriter:
         ResultError
             If it cannot be written.
         """
-        arrays = {"orientations": self._orientations, **_arrays(final, steps, np.stack(self._positions))}
-        digest = TopologicalMap(**arrays, about=about).digest
-        with replacing(self._folder / MAP_FILE) as path, path.open("wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
+        orientations = StreamedArray(np.dtype(np.float32), (len(self._positions), *self._shape), self._chunks)
+        arrays = {"orientations": orientations, **_arrays(final, steps, np.stack(self._positions))}
+        try:
+            digest = digest_of(arrays)
+        except OSError as error:
+            raise _unwritten(self._folder / MAP_FILE, error) from error
+        with replacing(self._folder / MAP_FILE) as path, zipfile.ZipFile(path, "w", allowZip64=True) as file:
+            for name, array in arrays.items():
+                with file.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                    _write_array(stream, array)
         write_json({"map_version": MAP_VERSION, "digest": digest, **about}, self._folder / MAP_ABOUT)
+
+    def _chunks(self) -> Iterator[bytes]:
+        if self._orientations is not None:
+            self._orientations.seek(0)
+            while chunk := self._orientations.read(_CHUNK):
+                yield chunk
+
+
+def _write_array(stream: IO[bytes], array: NDArray[Any] | StreamedArray) -> None:
+    """Write an array as NumPy does."""
+    if not isinstance(array, StreamedArray):
+        np.lib.format.write_array(stream, array, allow_pickle=False)
+        return
+    about = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
+    np.lib.format.write_array_header_1_0(stream, about)
+    for chunk in array.chunks():
+        stream.write(chunk)
+
+
+def _unwritten(path: Path, error: OSError) -> ResultError:
+    return ResultError(f"cannot write {path}: {error.strerror or error}; choose another --out")
 
 
 def _arrays(final: FinalMap, steps: pl.DataFrame, positions: NDArray[np.float32]) -> dict[str, NDArray[Any]]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.descriptors.description import Description
 from omnieval.errors import ConfigError
 from omnieval.mapping.interface import BranchingMapper
 from omnieval.mapping.journal import Journal
@@ -64,6 +65,7 @@ class Roman2020(BranchingMapper):
     columns = COLUMNS
     curves = CURVES
     swept = ("omega", "merge_y", "gamma", "n_new")
+    screens = True
 
     def __init__(self, settings: Roman2020Settings | None = None, images: ImageMemory | None = None) -> None:
         super().__init__(settings, images)
@@ -226,9 +228,7 @@ class Roman2020(BranchingMapper):
         return NodeGate(gate_threshold(self.settings.omega, len(self._active.ids)), self._active.ids, ratios)
 
     def _match(self, frame: int, candidates: Iterable[int]) -> ImageMatch:
-        return match_image(
-            self.images, frame, self._members, candidates, prominence_mean=self.settings.prominence_mean
-        )
+        return match_image(self.images, frame, self._members, candidates, prominence_mean=self.settings.prominence_mean)
 
     def _screened(self, frame: int, candidates: Iterable[int]) -> tuple[ScreenedMatch, bool] | None:
         return screened_match(self.images, frame, self._members, candidates, self.settings)
@@ -368,7 +368,6 @@ class Roman2020(BranchingMapper):
             measured=_measured(examination, journal, run),
             curves=_curves(match, self.settings.gamma) if match else None,
         )
-
 
     def _decision(
         self,
