@@ -11,6 +11,8 @@ product of real matrices for each frequency.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +30,10 @@ def spectrum(orientation: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([transformed.real, transformed.imag], axis=1)
 
 
-def as_query(spectra: NDArray[np.float64]) -> NDArray[np.float64]:
+Real = TypeVar("Real", np.float32, np.float64)
+
+
+def as_query(spectra: NDArray[Real]) -> NDArray[Real]:
     """Return what gives real and imaginary parts of a cross-spectrum when multiplied with `spectrum`.
 
     Parameters

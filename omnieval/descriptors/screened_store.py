@@ -265,7 +265,8 @@ class _Positions:
                 self._positions, self._squares, sketch.positions, sketch.squares[0], place, self._images
             )
             self._known[place : self._images, number] = True
-        return self._distances[place, others]
+        distances: NDArray[np.float64] = self._distances[place, others]
+        return distances
 
 
 def _same(one: Description, other: Description) -> bool:

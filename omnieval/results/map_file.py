@@ -97,6 +97,7 @@ class MapWriter:
             If it cannot be written.
         """
         orientations = StreamedArray(np.dtype(np.float32), (len(self._positions), *self._shape), self._chunks)
+        arrays: dict[str, NDArray[Any] | StreamedArray]
         arrays = {"orientations": orientations, **_arrays(final, steps, np.stack(self._positions))}
         try:
             digest = digest_of(arrays)

@@ -7,7 +7,7 @@ from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.roman2020 import mapper as module
 from omnieval.mapping.roman2020.conditions import prominence
 from omnieval.mapping.roman2020.mapper import Roman2020
-from omnieval.mapping.roman2020.screened import _prominent, _Range
+from omnieval.mapping.roman2020.screened import _prominent, _Range, screened_match
 from omnieval.mapping.roman2020.settings import Roman2020Settings
 from tests.mapping.comparison import assert_final
 from tests.mapping.test_against_reference import cases
@@ -29,7 +29,7 @@ def decisions(mapper, descriptions, ahead=AHEAD):
 def calls(monkeypatch):
     """What was decided by bounds, None where it was too close."""
     answers = []
-    decide = module.screened_match
+    decide = screened_match
 
     def noted(*args):
         answers.append(decide(*args))
