@@ -71,12 +71,14 @@ def info(json: options.Json = False) -> None:
 def prune(
     older: Annotated[
         str | None,
-        typer.Option(help="Remove what was last used longer ago: 30d, 12h, 4w.", metavar="TIME"),
+        typer.Option(help="Remove what was last used longer ago than this: 30d, 12h, 4w.", metavar="TIME"),
     ] = None,
     max_: Annotated[
         str | None,
         typer.Option(
-            "--max", help="Remove what was used least lately until no more is left: 10GB, 500MB.", metavar="SIZE"
+            "--max",
+            help="Remove what was used longest ago until no more than this is left: 10GB, 500MB.",
+            metavar="SIZE",
         ),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be removed.")] = False,

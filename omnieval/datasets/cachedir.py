@@ -16,9 +16,9 @@ if sys.platform != "win32":
     import fcntl
 
 _HELD: dict[Path, int] = {}
-"""What is held for good."""
+"""The files that this process holds until it ends."""
 _MOST_HELD = 128
-"""More would use up the files that a process may have open; what else it uses is told by its age alone."""
+"""More would use up the files that a process may have open; of others the age tells whether they are used."""
 
 
 def cache_dir() -> Path:
@@ -48,14 +48,14 @@ def note_folder(cache: Path) -> Path:
 
 
 def hold(descriptor: int) -> bool:
-    """Let others know that an open file is used, for as long as it stays open. Where there are no locks, none is taken.
+    """Tell other processes that an open file is used, while it stays open. Where there are no locks, none is taken.
 
-    Nobody ever waits for it: it only keeps `unused` from saying that the file may go.
+    No process ever waits for it: it only keeps `unused` from saying that the file may go.
 
     Returns
     -------
     bool
-        Whether it may be used: not if somebody is about to remove it.
+        Whether it may be used: not if another process is about to remove it.
     """
     if sys.platform != "win32":
         try:
@@ -87,7 +87,7 @@ def hold_for_good(file: Path) -> bool:
 
 @contextmanager
 def unused(file: Path) -> Iterator[bool | None]:
-    """Say whether nobody holds a file (`hold`), and keep it so within the block; None where that cannot be known."""
+    """Say whether no process holds a file (`hold`), and keep it so within the block; None where that is not known."""
     if sys.platform == "win32":
         yield None
         return

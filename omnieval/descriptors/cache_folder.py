@@ -40,7 +40,7 @@ KINDS = {
     OLD: "descriptors of older versions: nothing reads them",
     OTHER: "not of omnieval: never removed",
 }
-"""What there can be, in the order in which it is told."""
+"""The kinds of things in it, in the order in which they are listed."""
 _USELESS, _NOT_OURS = {LEFT, OLD}, {DRAFTS, OTHER}
 _DAY_S = 86_400.0
 _OLD = ("descriptors*.sqlite*", "descriptors*.damaged*")

@@ -14,7 +14,7 @@ _SMALL_BYTES = 4_000_000
 
 
 def merge(new: Path, names: list[str]) -> bool:
-    """Write what small segments hold into new ones and remove them, if there are many and nobody uses them.
+    """Write what small segments hold into new ones and remove them, if there are many and no process uses them.
 
     Whoever is killed meanwhile leaves some images twice, which does no harm; whoever had read an index that is gone
     looks for the new one.

@@ -30,7 +30,7 @@ from omnieval.datasets.cachedir import hold
 from omnieval.descriptors.description import Description, Place
 
 POSITION, ORIENTATION, INDEX = ENDINGS = (".position", ".orientation", ".index")
-"""Of the files of a segment, in the order in which they are made. The first is the one that is held."""
+"""Endings of the files of a segment, in the order in which they are made. The first is the one that is held."""
 LINK = -1
 """The row of an entry that says of a file only which image it is."""
 _HEADER = 64
@@ -39,7 +39,7 @@ _ENTRY = struct.Struct("<16s16sq8s")
 
 
 class Entry(NamedTuple):
-    """One of the index, as above."""
+    """One entry of the index, as described above."""
 
     file: bytes
     image: bytes
@@ -63,7 +63,7 @@ class Shape:
 
     @property
     def header(self) -> bytes:
-        """What an index begins with."""
+        """The first bytes of an index."""
         text = f"{_MAGIC} {self.position} {self.cells} {self.bins}"
         return text.encode().ljust(_HEADER - 1) + b"\n"
 
@@ -184,7 +184,7 @@ class Segment:
 
 
 class Filler:
-    """A segment that is written, by nobody else.
+    """A segment that only this process writes.
 
     What fails is done again from its beginning: rows and entries have their places in the files, whatever was written
     there before.

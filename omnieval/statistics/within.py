@@ -1,4 +1,4 @@
-"""The intervals of what one run came to, over its own images."""
+"""The intervals of the metrics of one run, over its own images."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Within:
     statistics
         Gives how the images are resampled, and what can be computed of them, by metric.
     metrics
-        What the run came to.
+        The metrics of the run.
     """
 
     def __init__(
