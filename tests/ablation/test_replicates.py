@@ -140,7 +140,7 @@ def test_what_cannot_be_perturbed_or_judged_is_refused(panoramas):
         make_plan(["some.npz"], [], perturbations=changed)
     with pytest.raises(ConfigError, match="perturbed already"):
         make_plan([f"{panoramas}#noise=1"], [], perturbations=changed)
-    with pytest.raises(ConfigError, match="judged on"):
+    with pytest.raises(ConfigError, match="on which to judge"):
         make_plan([panoramas], [], tune_on=[panoramas])
     plan = dataclasses.replace(make_plan([panoramas], []), tuned_on=("folder:/a",))
     for metric, words in (("pair_f2", "did you mean pair_f1"), ("nodes", "neither way")):
