@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -44,15 +45,20 @@ def merge(new: Path, names: list[str]) -> bool:
                 _copy(Segment(segment, folder.name), new, fillers, copied)
             for filler in fillers.values():
                 filler.flush()
-        except OSError:  # what is there stays as it is
-            return False
+        except OSError:  # a disk that is full: what was there stays as it is
+            free = []
+            _remove(filler.path for filler in fillers.values())
         finally:
             for filler in fillers.values():
                 filler.close()
-        for path in (file_of(segment, ending) for segment in free for ending in reversed(ENDINGS)):
-            with suppress(OSError):
-                path.unlink()
+        _remove(free)
     return bool(free)
+
+
+def _remove(segments: Iterable[Path]) -> None:
+    for path in (file_of(segment, ending) for segment in segments for ending in reversed(ENDINGS)):
+        with suppress(OSError):
+            path.unlink()
 
 
 def _is_small(segment: Path) -> bool:

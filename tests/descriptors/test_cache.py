@@ -385,6 +385,26 @@ def test_many_small_segments_become_one_and_nothing_is_lost(tmp_path):
     assert sum(file.stat().st_size for file in folder.rglob(f"*{POSITION}")) == (MANY - 2) * 24
 
 
+def test_merging_on_a_full_disk_leaves_all_as_it_is(tmp_path, monkeypatch):
+    folder = tmp_path / "c"
+    files = grown(folder, tmp_path, MANY - 1)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    last = tmp_path / "last.png"
+    last.write_bytes(b"last")
+    with DescriptorCache(folder) as cache:
+        keep(cache, last)
+        cache.save()
+        monkeypatch.setattr("omnieval.descriptors.segments._write_at", full)
+    assert segments(folder) == MANY
+    assert all(found(folder, file) for file in (*files, last))
+    monkeypatch.undo()
+    stored(folder, files[0])
+    assert segments(folder) == 1
+
+
 def test_what_is_damaged_or_of_another_shape_is_not_mixed_up_by_merging(tmp_path):
     folder = tmp_path / "c"
     files = grown(folder, tmp_path, MANY - 2)
