@@ -17,6 +17,7 @@ import hashlib
 import mmap
 import os
 import struct
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from io import FileIO
@@ -36,6 +37,8 @@ LINK = -1
 _HEADER = 64
 _MAGIC = "omnieval descriptions 1"
 _ENTRY = struct.Struct("<16s16sq8s")
+_ENTRIES = np.dtype([("file", "V16"), ("head", "<u8"), ("rest", "<u8"), ("row", "<i8"), ("check", "V8")])
+"""The same; `head` and `rest` are the digest of the image."""
 
 
 class Entry(NamedTuple):
@@ -181,6 +184,38 @@ class Segment:
                 position.close()
                 raise
         return self._streams
+
+
+class SegmentsOfImages:
+    """Which of many segments may have the description of an image: a few bytes an image, read once.
+
+    Parameters
+    ----------
+    segments
+        Their paths, without ending; what is written to them later is not seen.
+    """
+
+    def __init__(self, segments: Iterable[Path]) -> None:
+        self._names: list[str] = []
+        heads, numbers = [np.zeros(0, np.uint64)], [np.zeros(0, np.int32)]
+        for segment in segments:
+            try:
+                data = file_of(segment, INDEX).read_bytes()[_HEADER:]
+            except OSError:  # removed since it was listed
+                continue
+            entries = np.frombuffer(data[: len(data) - len(data) % _ENTRY.size], _ENTRIES)
+            heads.append(entries["head"][entries["row"] != LINK])
+            numbers.append(np.full(len(heads[-1]), len(self._names), np.int32))
+            self._names.append(segment.name)
+        every = np.concatenate(heads)
+        order = np.argsort(every, kind="stable")
+        self._heads, self._numbers = every[order], np.concatenate(numbers)[order]
+
+    def of(self, image: bytes) -> list[str]:
+        """Return the names of the segments."""
+        head = np.frombuffer(image, "<u8", 1)
+        first, last = (int(np.searchsorted(self._heads, head, side)[0]) for side in ("left", "right"))
+        return [self._names[number] for number in self._numbers[first:last]]
 
 
 class Filler:

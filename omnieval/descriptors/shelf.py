@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from omnieval.descriptors.description import Description, Place
 from omnieval.descriptors.merging import merge
-from omnieval.descriptors.segments import INDEX, LINK, Entry, Filler, Segment, Shape
+from omnieval.descriptors.segments import INDEX, LINK, Entry, Filler, Segment, SegmentsOfImages, Shape
 
 _MOST_OPEN = 32
 """Segments that are kept open for reading, two files each."""
@@ -40,7 +40,8 @@ class Shelf:
         self._segments: dict[str, Segment] = {}
         self._files: dict[bytes, tuple[Segment, Entry]] = {}
         self._images: dict[bytes, tuple[Segment, Entry]] = {}
-        self._groups: set[str] | None = set()
+        self._groups: set[str] = set()
+        self._elsewhere: SegmentsOfImages | None = None
         self._stale = False
         self._fillers: dict[tuple[str, Shape], Filler] = {}
 
@@ -55,7 +56,11 @@ class Shelf:
     def of_image(self, image: bytes) -> Kept | None:
         """Return what is kept for an image, given by the digest of its bytes; None if there is nothing, or damage."""
         if image not in self._images:
-            self._learn(None)
+            self._elsewhere = self._elsewhere or SegmentsOfImages(
+                self._folder / name for name in self._listed() if _group_of(name) not in self._groups
+            )
+            for name in self._elsewhere.of(image):
+                self._learn(_group_of(name))
         return self._read(self._images, image)
 
     def add(self, group: str, file: bytes, image: bytes, description: Description) -> Place | None:
@@ -118,19 +123,17 @@ class Shelf:
         description = segment.description(entry)
         return None if description is None else Kept(entry.image, description, Place(str(segment.path), entry.row))
 
-    def _learn(self, group: str | None) -> None:
-        """Read the indices of a group, or all of them, as far as they are not known."""
-        if self._groups is not None and group not in self._groups:
-            self._groups = None if group is None else {*self._groups, group}
-            self._refresh()
-        elif self._stale:
+    def _learn(self, group: str) -> None:
+        """Read the indices of a group, as far as they are not known."""
+        if group not in self._groups or self._stale:
+            self._groups.add(group)
             self._refresh()
 
     def _refresh(self) -> None:
         """Read what is new in the indices of the groups that are known."""
         self._stale = False
         for name in self._listed():
-            if self._groups is None or _group_of(name) in self._groups:
+            if _group_of(name) in self._groups:
                 segment = self._segments.setdefault(name, Segment(self._folder / name, self._folder.name))
                 self._take(segment, segment.news())
 
