@@ -7,6 +7,7 @@ baseline leaves a readable prefix.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from omnieval.baselines.methods import METHODS, Images, Method
-from omnieval.baselines.similarity import SIMILARITIES, Similarity, too_many
+from omnieval.baselines.similarity import SIMILARITIES, Similarity, default_similarity, is_sparse, too_many
 from omnieval.config import Config, as_config, resolve
 from omnieval.errors import ConfigError
 from omnieval.material import Cut, Material, Source, opened, with_poses
@@ -35,6 +36,7 @@ from omnieval.results.schemas import PARTITIONS
 from omnieval.wording import did_you_mean
 
 Progress = Callable[[int, int], None]
+_LOG = logging.getLogger("omnieval")
 KIND = "baseline"
 TABLE = "baseline.parquet"
 RUNS = Path("runs")
@@ -59,6 +61,8 @@ class _Order:
     method: Method
     similarity: Similarity | None
     ks: tuple[int, ...]
+    by_default: bool = False
+    """Whether nobody asked for the similarity."""
 
 
 def baseline(
@@ -120,7 +124,8 @@ def run_baseline(
     method
         A name of `baselines.methods.METHODS`.
     similarity
-        For ``spectral``: ``gaussian-median`` (default), ``local-scaling`` or ``knn``.
+        For ``spectral``: ``gaussian-median`` (default up to 10,000 images), ``local-scaling`` or ``knn`` (default
+        above, where it is a sparse graph).
     ks
         Numbers of clusters; default 2 to 40, or as many of them as there are images.
     at_k_of
@@ -192,7 +197,8 @@ def _order(method: str, similarity: str | None, ks: Iterable[int] | None, at_k_o
         asked.add(_nodes_of(at_k_of))
     if not asked or min(asked) < 1:
         raise ConfigError(f"numbers of clusters must be 1 or more, got {', '.join(map(str, sorted(asked))) or 'none'}")
-    return _Order(method, known, chosen if known.takes_similarity else None, tuple(sorted(asked)))
+    by_default = similarity is None and known.takes_similarity
+    return _Order(method, known, chosen if known.takes_similarity else None, tuple(sorted(asked)), by_default)
 
 
 def _nodes_of(folder: str | Path) -> int:
@@ -206,12 +212,17 @@ def _within(order: _Order, images: int, source: str, *, asked: bool) -> _Order:
     """Check the numbers of clusters against the number of images; default ones that are too large are dropped."""
     if order.similarity is not None and images < 2:
         raise ConfigError(f"{source}: a similarity needs at least 2 images, there is {images}")
-    if order.method.compares_all and (fault := too_many(images)):
+    similarity = order.similarity
+    if order.by_default:
+        similarity = default_similarity(images)
+        if is_sparse(similarity, images):
+            _LOG.warning("%s: %s images are many; the similarity is a sparse graph of neighbours (knn)", source, images)
+    if order.method.compares_all and not is_sparse(similarity, images) and (fault := too_many(images)):
         raise ConfigError(f"{source}: {fault}")
     ks = tuple(k for k in order.ks if k <= images)
     if order.method.takes_k and (not ks or (asked and ks != order.ks)):
         raise ConfigError(f"{source}: {order.ks[-1]} clusters need as many images, there are {images}")
-    return _Order(order.name, order.method, order.similarity, ks)
+    return replace(order, similarity=similarity, ks=ks)
 
 
 def _run(

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from omnieval.baselines.batch import WardTree, kmeans_clusters, numbered
 from omnieval.baselines.controls import position_clusters, time_slices
-from omnieval.baselines.similarity import Similarity, similarity_matrix
-from omnieval.baselines.spectral import spectral_embedding
+from omnieval.baselines.similarity import Similarity, is_sparse, similarity_matrix, sparse_neighbour_graph
+from omnieval.baselines.spectral import sparse_spectral_embedding, spectral_embedding
 from omnieval.baselines.stream import dbstream_clusters, require_river
 from omnieval.errors import DatasetError
 
@@ -61,7 +61,8 @@ class Method:
     takes_similarity
         Whether it clusters a similarity.
     compares_all
-        Whether it compares all images with each other, which only so many allow (`similarity.too_many`).
+        Whether it compares all images with each other, which only so many allow (`similarity.too_many`), unless by a
+        similarity of few pairs (`similarity.is_sparse`).
     extra
         The optional library it needs, if any.
     """
@@ -75,7 +76,10 @@ class Method:
 
 
 def _spectral(images: Images, similarity: Similarity, largest: int, seed: int) -> Partition:
-    embedding = spectral_embedding(similarity_matrix(images.descriptors, similarity), largest)
+    if is_sparse(similarity, len(images.descriptors)):
+        embedding = sparse_spectral_embedding(sparse_neighbour_graph(images.descriptors), largest)
+    else:
+        embedding = spectral_embedding(similarity_matrix(images.descriptors, similarity), largest)
     return lambda k: embedding.cluster(k, seed=seed)
 
 

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 from scipy.spatial.distance import pdist, squareform
 
 Similarity = Literal["gaussian-median", "local-scaling", "knn"]
@@ -21,8 +22,25 @@ _GRAPH_NEIGHBOURS = 10
 """Edges from each image of the neighbour graph, as in scikit-learn's spectral clustering."""
 
 
+MANY_IMAGES = 10_000
+"""Above so many images a graph of neighbours is made without a matrix of all pairs; by default it is the similarity."""
+_ROWS = 2_000
+"""Images whose neighbours are looked at together."""
+_NEARLY = 3
+"""Times as many neighbours as are wanted are looked for first, in a way that rounds."""
+
 MOST_IMAGES = 15_000
 """A matrix of all their pairs takes 1.8 GB, and several are needed at a time."""
+
+
+def default_similarity(images: int) -> Similarity:
+    """Return the similarity of so many images when nobody asks for one."""
+    return "gaussian-median" if images <= MANY_IMAGES else "knn"
+
+
+def is_sparse(similarity: Similarity | None, images: int) -> bool:
+    """Whether so many images are clustered by a similarity of few pairs, without a matrix of all."""
+    return similarity == "knn" and images > MANY_IMAGES
 
 
 def too_many(images: int) -> str | None:
@@ -31,7 +49,7 @@ def too_many(images: int) -> str | None:
         return None
     return (
         f"{images} images are too many for the similarities of all pairs ({images**2 * 8 / 1e9:.0f} GB a matrix); at "
-        f"most {MOST_IMAGES} are clustered, so cut the sequence"
+        f"most {MOST_IMAGES} are clustered, so cut the sequence; spectral clustering takes more with the similarity knn"
     )
 
 
@@ -77,6 +95,34 @@ def neighbour_graph(distances: NDArray[np.float64]) -> NDArray[np.float64]:
     graph = np.zeros_like(distances)
     np.put_along_axis(graph, nearest, 1.0, axis=1)
     return (graph + graph.T) / 2
+
+
+def sparse_neighbour_graph(descriptors: NDArray[np.floating]) -> csr_array:
+    """Return what `neighbour_graph` makes of the distances of all pairs without making these; memory grows with n.
+
+    Parameters
+    ----------
+    descriptors
+        Position descriptors, shape (n, d), n >= 2.
+    """
+    from sklearn.neighbors import NearestNeighbors
+
+    points = np.asarray(descriptors, np.float64)
+    count, wanted = len(points), min(_GRAPH_NEIGHBOURS, len(points) - 1)
+    several = min(_NEARLY * _GRAPH_NEIGHBOURS + 1, count)
+    search = NearestNeighbors(n_neighbors=several, algorithm="brute").fit(points)
+    ones, others = [], []
+    for first in range(0, count, _ROWS):
+        rows = np.arange(first, min(first + _ROWS, count))
+        found = np.sort(search.kneighbors(points[rows], return_distance=False), axis=1)
+        distances = np.linalg.norm(points[found] - points[rows, np.newaxis], axis=2)
+        distances[found == rows[:, np.newaxis]] = np.inf
+        nearest = np.argsort(distances, axis=1, kind="stable")[:, :wanted]
+        ones.append(np.repeat(rows, wanted))
+        others.append(np.take_along_axis(found, nearest, axis=1).ravel())
+    ends = np.concatenate(ones).astype(np.int32), np.concatenate(others).astype(np.int32)
+    graph = csr_array(coo_array((np.full(len(ends[0]), 0.5), ends), shape=(count, count)))
+    return csr_array(graph + graph.T)
 
 
 SIMILARITIES: dict[Similarity, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {

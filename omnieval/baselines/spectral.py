@@ -11,9 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.sparse import csr_array, dia_array
+from scipy.sparse.linalg import eigsh
 from threadpoolctl import threadpool_limits
 
 from omnieval.baselines.batch import kmeans_clusters
+from omnieval.seeding import named_generator
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,34 @@ def spectral_embedding(similarities: NDArray[np.float64], vectors: int) -> Spect
         values, found = eigh(
             normalised, subset_by_index=(count - vectors, count - 1), overwrite_a=True, check_finite=False
         )
+    return _embedding(values, found)
+
+
+def sparse_spectral_embedding(graph: csr_array, vectors: int) -> SpectralEmbedding:
+    """Decompose a normalised similarity of which most is zero, by Lanczos iterations (ARPACK).
+
+    Parameters
+    ----------
+    graph
+        Shape (n, n), symmetric, not negative, 0 on the diagonal.
+    vectors
+        How many eigenvectors, fewer than n.
+    """
+    degrees = np.asarray(graph.sum(axis=1)).ravel()
+    scale = dia_array((np.divide(1.0, np.sqrt(degrees), out=np.zeros_like(degrees), where=degrees > 0), 0), graph.shape)
+    start = named_generator(0, "spectral", len(degrees)).standard_normal(len(degrees))
+    with threadpool_limits(1):
+        values, found = eigsh(
+            csr_array(scale @ graph @ scale), vectors, which="LA", v0=start, ncv=min(len(degrees), 3 * vectors + 20)
+        )
+    order = np.argsort(values)
+    return _embedding(values[order], found[:, order])
+
+
+def _embedding(values: NDArray[np.float64], found: NDArray[np.float64]) -> SpectralEmbedding:
+    """Return an embedding by eigenvalues, ascending, shape (m,), and their eigenvectors, shape (n, m)."""
     values, found = values[::-1], found[:, ::-1]
+    vectors = len(values)
     signs = np.sign(found[np.abs(found).argmax(axis=0), np.arange(vectors)])
     # Single precision is enough from here on: components of unit vectors, of which k-means asks for the nearest mean.
     return SpectralEmbedding(values, np.ascontiguousarray(found * signs, np.float32))

@@ -27,7 +27,11 @@ def baseline(
         ),
     ] = "spectral",
     similarity: Annotated[
-        str | None, typer.Option(help="For spectral: gaussian-median (default), local-scaling or knn.", metavar="NAME")
+        str | None,
+        typer.Option(
+            help="For spectral: gaussian-median, local-scaling or knn; default the first, above 10,000 images knn.",
+            metavar="NAME",
+        ),
     ] = None,
     k: Annotated[
         str | None, typer.Option("--k", help="Numbers of clusters, e.g. 2:40 (default), 5,9,20 or 7.", metavar="KS")

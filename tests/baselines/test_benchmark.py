@@ -190,6 +190,19 @@ def test_too_many_images_for_all_pairs_are_refused_before_the_work(panoramas, tm
     assert not (tmp_path / "out").exists()
 
 
+def test_many_images_are_clustered_by_a_sparse_graph_which_is_said(archive, tmp_path, monkeypatch, caplog):
+    dense = run_baseline(archive, similarity="knn", ks=[3], out=tmp_path / "dense")
+    monkeypatch.setattr("omnieval.baselines.similarity.MANY_IMAGES", 79)
+    monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 79)
+    run = run_baseline(archive, ks=[3], out=tmp_path / "sparse")
+    assert "80 images are many; the similarity is a sparse graph of neighbours (knn)" in caplog.text
+    assert run.table["similarity"].to_list() == ["knn"]
+    assert run.manifest["baseline"]["similarity"] == "knn"
+    assert run.table["silhouette"].to_list() == pytest.approx(dense.table["silhouette"].to_list())
+    with pytest.raises(ConfigError, match="takes more with the similarity knn"):
+        run_baseline(archive, similarity="local-scaling", ks=[3], out=tmp_path / "refused")
+
+
 @pytest.mark.parametrize("method", ["kmeans", "time-slices", "positions", "rooms"])
 def test_methods_that_need_no_pairs_take_any_number_of_images(archive, tmp_path, monkeypatch, method):
     monkeypatch.setattr("omnieval.baselines.similarity.MOST_IMAGES", 10)

@@ -6,8 +6,8 @@ from scipy.spatial.distance import cdist
 from sklearn.cluster import SpectralClustering
 from sklearn.metrics import adjusted_rand_score
 
-from omnieval.baselines.similarity import SIMILARITIES, similarity_matrix
-from omnieval.baselines.spectral import spectral_embedding
+from omnieval.baselines.similarity import SIMILARITIES, similarity_matrix, sparse_neighbour_graph
+from omnieval.baselines.spectral import sparse_spectral_embedding, spectral_embedding
 
 
 def groups(count=4, each=15, spread=0.3, seed=0):
@@ -115,3 +115,23 @@ def test_an_image_that_is_like_no_other_is_no_obstacle():
 def test_more_clusters_than_eigenvectors_is_an_error_of_the_caller():
     with pytest.raises(ValueError, match="4 clusters need as many"):
         spectral_embedding(np.ones((5, 5)) - np.eye(5), 3).cluster(4, seed=0)
+
+
+@pytest.mark.parametrize("count", [2, 8, 60, 150])
+def test_the_sparse_graph_of_neighbours_is_the_dense_one(count, monkeypatch):
+    """Among the images are near-duplicates, and equal ones, of which the earlier are the nearer."""
+    monkeypatch.setattr("omnieval.baselines.similarity._ROWS", 50)
+    rng = np.random.default_rng(count)
+    points = 100 + rng.random((count, 6), np.float32)
+    points[count // 2 :] = points[: count - count // 2] + rng.choice([0, 1e-5], (count - count // 2, 1))
+    np.testing.assert_array_equal(sparse_neighbour_graph(points).toarray(), similarity_matrix(points, "knn"))
+
+
+def test_the_sparse_embedding_is_the_dense_one():
+    points, _ = groups(count=3, each=60, spread=1.5)
+    dense = spectral_embedding(similarity_matrix(points, "knn"), 3)
+    sparse = sparse_spectral_embedding(sparse_neighbour_graph(points), 3)
+    np.testing.assert_allclose(sparse.values, dense.values, atol=1e-10)
+    # The same space, whatever the basis where eigenvalues are equal.
+    np.testing.assert_allclose(sparse.vectors @ sparse.vectors.T, dense.vectors @ dense.vectors.T, atol=1e-5)
+    assert adjusted_rand_score(dense.cluster(3, seed=0), sparse.cluster(3, seed=0)) == 1.0
