@@ -16,7 +16,7 @@ from omnieval.results.folder import ResultFolder, hold_folder
 from omnieval.results.manifest import is_alive, kind_of, read_manifest, status_of, this_process
 from omnieval.results.run_folder import RunWriter, open_run
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks no folders")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="kills processes as POSIX does")
 
 WRITER = (
     "import sys\n"
