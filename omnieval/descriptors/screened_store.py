@@ -86,23 +86,19 @@ class ScreenedStore:
         """Get to know with which others one of the next images will be screened; a hint, which changes no result."""
         self._foreseen[query] = self._tiles_of(others)
 
+    def glance(self, query: int, others: NDArray[np.int64]) -> Bounds:
+        """Bound the distances of an image from others, by their numbers, without a transform; shape (m,)."""
+        screened = self._screened_for(query)
+        return screened.bounds(screened.places[query], others, self._squares)
+
     def bounds(self, query: int, others: NDArray[np.int64]) -> Bounds:
         """Screen an image against others, by their numbers, shape (m,)."""
-        if self._screened is None or query not in self._screened.places or self._screened.tiles < len(self._sketches):
-            self._screened = self._screened_with(query)
-        screened = self._screened
+        screened = self._screened_for(query)
         place = screened.places[query]
         missing = np.flatnonzero(self._tiles_of(others) & ~screened.known[place])
         if len(missing):
             self._fill(screened, place, missing.tolist())
-        squares = self._squares[:, others] + screened.batch.squares[:, place, np.newaxis]
-        position = between(squares[0], screened.products[place, others], screened.position_error * squares[0])
-        orientation = between(
-            squares[1],
-            screened.largest[place, others].astype(np.float64),
-            screened.errors[place, others].astype(np.float64),
-        )
-        return Bounds(*position, *orientation)
+        return screened.bounds(place, others, self._squares)
 
     def position_distances(self, query: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return Euclidean distances of position descriptors, shape (m,)."""
@@ -151,12 +147,23 @@ class ScreenedStore:
     def _place_of(self, number: int) -> tuple[Sketch, int]:
         return self._sketches[number // TILE], number % TILE
 
-    def _screened_with(self, query: int) -> _Screened:
+    def _screened_for(self, query: int) -> _Screened:
         """Return the batch in which an image is screened: of the images that are asked about next, or alone."""
+        if self._screened is not None and query in self._screened.places:
+            return self._screened
         expected = range(max(self._count - 1, 0), self._count + len(self._expected))
         together = expected if query in expected else self._anticipated if query in self._anticipated else (query,)
         numbers = [number for number in together if number >= query]
-        return _Screened(numbers, Batch.of([self._place_of(number) for number in numbers]), len(self._sketches))
+        batch = Batch.of([self._place_of(number) for number in numbers])
+        screened = self._screened = _Screened(numbers, batch, len(self._sketches))
+
+        def glance(some: Sequence[int]) -> list[None]:
+            for number in some:
+                screened.glance(number, batch.glance(self._sketches[number]))
+            return []
+
+        self._in_threads(glance, range(len(self._sketches)))
+        return screened
 
     def _fill(self, screened: _Screened, place: int, tiles: Sequence[int]) -> None:
         """Screen an image against some tiles, and with it those after it that will be asked about them."""
@@ -173,7 +180,7 @@ class ScreenedStore:
         def fill(some: Sequence[int]) -> list[None]:
             for index in some:
                 number, pattern = tiles[index], int(pattern_of[index])
-                screened.put(number, rows[pattern], batches[pattern].screen(self._sketches[number]))
+                screened.screen(number, rows[pattern], *batches[pattern].screen(self._sketches[number]))
             return []
 
         self._in_threads(fill, range(len(tiles)))
@@ -206,7 +213,7 @@ class ScreenedStore:
 
 
 class _Screened:
-    """What is known of a batch of images, screened against all tiles.
+    """What is known of a batch of images and all tiles.
 
     Attributes
     ----------
@@ -214,34 +221,44 @@ class _Screened:
         Where in the batch an image is, by its number.
     batch
         The images.
-    tiles
-        How many tiles there are.
-    products, largest, errors
-        See `Batch.screen`, shape (q, images), where `known`, shape (q, tiles).
-    position_error
-        How far products of positions may be off, relative to the squared norms (Higham 2002, section 3.1).
+    products, least, most
+        See `Batch.glance`, shape (q, images); the last two are narrower where the images were screened.
+    known
+        Which tiles they were screened against, shape (q, tiles).
     """
 
     def __init__(self, numbers: Sequence[int], batch: Batch, tiles: int) -> None:
         self.places = {number: place for place, number in enumerate(numbers)}
-        self.batch, self.tiles = batch, tiles
-        shape = len(numbers), tiles * TILE
-        self.products = np.empty(shape)
-        self.largest = np.empty(shape, np.float32)
-        self.errors = np.empty(shape, np.float32)
+        self.batch = batch
+        self.products, self.least, self.most = np.empty((3, len(numbers), tiles * TILE))
         self.known = np.zeros((len(numbers), tiles), np.bool_)
-        self.position_error = (batch.positions.shape[1] + 8) * 2.0**-53
+        # How far products of positions may be off, relative to the squared norms (Higham 2002, section 3.1).
+        self._position_error = (batch.positions.shape[1] + 8) * 2.0**-53
 
-    def put(
-        self,
-        tile: int,
-        rows: NDArray[np.int64],
-        found: tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]],
-    ) -> None:
-        """Take in what was found of some images of the batch and a tile."""
+    def glance(self, tile: int, found: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]) -> None:
+        """Take in what is known of a tile without a transform."""
         place = slice(tile * TILE, (tile + 1) * TILE)
-        self.products[rows, place], self.largest[rows, place], self.errors[rows, place] = found
+        self.products[:, place], self.least[:, place], self.most[:, place] = found
+
+    def screen(
+        self, tile: int, rows: NDArray[np.int64], largest: NDArray[np.float32], errors: NDArray[np.float32]
+    ) -> None:
+        """Take in what screening some images of the batch against a tile has found."""
+        place = slice(tile * TILE, (tile + 1) * TILE)
+        exact, off = largest.astype(np.float64), errors.astype(np.float64)
+        known = np.isfinite(exact) & np.isfinite(off)
+        exact, off = np.where(known, exact, 0.0), np.where(known, off, 0.0)
+        least, most = self.least[rows, place], self.most[rows, place]
+        self.least[rows, place] = np.maximum(least, exact - off, where=known, out=least)
+        self.most[rows, place] = np.minimum(most, exact + off, where=known, out=most)
         self.known[rows, tile] = True
+
+    def bounds(self, place: int, others: NDArray[np.int64], squares: NDArray[np.float64]) -> Bounds:
+        """Return what is known of an image of the batch and others, whose squared norms are given."""
+        summed = squares[:, others] + self.batch.squares[:, place, np.newaxis]
+        products, off = self.products[place, others], self._position_error * summed[0]
+        position = between(summed[0], products - off, products + off)
+        return Bounds(*position, *between(summed[1], self.least[place, others], self.most[place, others]))
 
 
 class _Positions:

@@ -32,6 +32,8 @@ _UNIT = 2.0**-24
 """Rounding unit of single precision."""
 _EXACT = 1e-12
 """Relative to the squared norms, more than distances in double precision are rounded by."""
+_NORMS = 1e-4
+"""Relative: more than inner products of norms in single precision are rounded by, of 4096 cells at most."""
 _TINY, _HUGE = 1e-12, 1e18
 """Products of norms beyond which single precision loses digits of their squares, or overflows."""
 _BACK = cv2.DFT_INVERSE | cv2.DFT_ROWS | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
@@ -51,6 +53,8 @@ class Sketch:
         Shape (frequencies, 2 bins, tile), single precision.
     norms
         Of the spectra over the bins, so that their squares sum to that of the descriptor, shape (tile, frequencies).
+    means
+        Sums over the cells, divided by the root of their number, shape (tile, bins).
     squares
         Squared norms of positions and of orientations, shape (2, tile), double precision.
     """
@@ -59,6 +63,7 @@ class Sketch:
     orientations: list[NDArray[np.float32]]
     spectra: NDArray[np.float32]
     norms: NDArray[np.float32]
+    means: NDArray[np.float64]
     squares: NDArray[np.float64]
 
     @classmethod
@@ -70,6 +75,7 @@ class Sketch:
             [],
             np.zeros((cells // 2 + 1, 2 * bins, TILE), np.float32),
             np.zeros((TILE, cells // 2 + 1), np.float32),
+            np.zeros((TILE, bins)),
             np.zeros((2, TILE)),
         )
 
@@ -86,6 +92,7 @@ class Sketch:
         with np.errstate(over="ignore"):
             self.spectra[:, :, place] = transformed
             self.norms[place] = np.sqrt(power * weights(len(exact)))
+        self.means[place] = transformed[0, :bins] / math.sqrt(len(exact))
         self.squares[:, place] = np.square(self.positions[place]).sum(), np.square(exact).sum()
 
     def description(self, place: int) -> Description:
@@ -110,8 +117,8 @@ class Batch:
         Shape (q, d), double precision.
     queries
         From `as_query`, shape (frequencies, 2 q, 2 bins), single precision.
-    norms, squares
-        As in a sketch, shapes (q, frequencies) and (2, q).
+    norms, means, squares
+        As in a sketch, shapes (q, frequencies), (q, bins) and (2, q).
     cells
         Of the orientation descriptors.
     """
@@ -119,6 +126,7 @@ class Batch:
     positions: NDArray[np.float64]
     queries: NDArray[np.float32]
     norms: NDArray[np.float32]
+    means: NDArray[np.float64]
     squares: NDArray[np.float64]
     cells: int
 
@@ -130,6 +138,7 @@ class Batch:
             np.stack([sketch.positions[place] for sketch, place in images]),
             np.ascontiguousarray(as_query(spectra)),
             np.stack([sketch.norms[place] for sketch, place in images]),
+            np.stack([sketch.means[place] for sketch, place in images]),
             np.stack([sketch.squares[:, place] for sketch, place in images], axis=1),
             len(images[0][0].orientations[0]),
         )
@@ -138,28 +147,37 @@ class Batch:
         """Return some of the batch."""
         both = np.concatenate([rows, rows + len(self.positions)])
         queries = np.ascontiguousarray(self.queries[:, both])
-        return Batch(self.positions[rows], queries, self.norms[rows], self.squares[:, rows], self.cells)
+        return Batch(
+            self.positions[rows], queries, self.norms[rows], self.means[rows], self.squares[:, rows], self.cells
+        )
 
-    def screen(self, sketch: Sketch) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
-        """Screen the batch against a tile.
+    def glance(self, sketch: Sketch) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return what is known of the batch and a tile without a transform, each of shape (q, tile).
 
         Returns
         -------
-        Inner products of positions, largest correlations of orientations, and how far these may be off, each of shape
-        (q, tile).
+        Inner products of positions; what correlations of orientations are at least, at their best roll, which is not
+        below their mean; and at most: in no frequency more than the product of the norms (Cauchy-Schwarz).
         """
+        with np.errstate(over="ignore", invalid="ignore"):
+            most = (self.norms @ sketch.norms.T).astype(np.float64) * (1.0 + _NORMS)
+        most[~_representable(self._sizes(sketch))] = np.inf
+        return self.positions @ sketch.positions.T, self.means @ sketch.means.T, most
+
+    def screen(self, sketch: Sketch) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the largest correlations of orientations with a tile, and how far they may be off, shape (q, tile)."""
         with np.errstate(over="ignore", invalid="ignore"):
             products = np.matmul(self.queries, sketch.spectra).reshape(-1, len(self.positions) * TILE)
             mean = products[0] / np.float32(self.cells)
             products[1] = 0.0
             rolls = cv2.dft(cv2.transpose(products[1 : self.cells + 1]), flags=_BACK).reshape(len(mean), -1)
             largest = rolls[np.arange(len(rolls)), rolls.argmax(axis=1)] + mean
-        return self.positions @ sketch.positions.T, largest.reshape(-1, TILE), self._errors(sketch)
+        return largest.reshape(-1, TILE), self._errors(sketch)
 
     def _errors(self, sketch: Sketch) -> NDArray[np.float32]:
         """Return how far correlations in single precision may be off, shape (q, tile)."""
         bins = self.queries.shape[2] // 2
-        sizes = np.sqrt(self.squares[1][:, np.newaxis] * sketch.squares[1])
+        sizes = self._sizes(sketch)
         with np.errstate(over="ignore", invalid="ignore"):
             # 1 / w_f brings the weight of a frequency, which is in both norms, back to once.
             spread = np.square(self.norms[:, 1:]) / weights(self.cells)[1:].astype(np.float32)
@@ -168,8 +186,16 @@ class Batch:
         errors: NDArray[np.float32] = (
             2.0 * _UNIT * (summing * sizes + transforming(self.cells) * np.sqrt(energy))
         ).astype(np.float32)
-        errors[~((sizes > _TINY) & (sizes < _HUGE))] = np.inf
+        errors[~_representable(sizes)] = np.inf
         return errors
+
+    def _sizes(self, sketch: Sketch) -> NDArray[np.float64]:
+        """Return the products of the norms of the batch and a tile, shape (q, tile)."""
+        return np.sqrt(self.squares[1][:, np.newaxis] * sketch.squares[1])
+
+
+def _representable(sizes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return (sizes > _TINY) & (sizes < _HUGE)
 
 
 @cache
@@ -194,13 +220,12 @@ def transforming(cells: int) -> float:
 
 
 def between(
-    squares: NDArray[np.float64], products: NDArray[np.float64], errors: NDArray[np.float64] | float
+    squares: NDArray[np.float64], least: NDArray[np.float64], most: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return bounds of distances, below and above, of sums of squared norms and inner products that may be off."""
-    slack = 2.0 * errors + _EXACT * squares
+    """Return bounds of distances, below and above, of sums of squared norms and bounds of inner products."""
+    slack = _EXACT * squares
     with np.errstate(invalid="ignore"):
-        squared = squares - 2.0 * products
-        low = np.sqrt(np.maximum(squared - slack, 0.0))
-        high = np.sqrt(np.maximum(squared + slack, 0.0))
-    known = np.isfinite(slack) & np.isfinite(squared)
+        low = np.sqrt(np.maximum(squares - 2.0 * most - slack, 0.0))
+        high = np.sqrt(np.maximum(squares - 2.0 * least + slack, 0.0))
+    known = np.isfinite(most) & np.isfinite(least)
     return np.where(known, low, 0.0), np.where(known, high, np.inf)

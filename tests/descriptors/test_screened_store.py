@@ -41,7 +41,11 @@ def test_distances_are_within_their_bounds_which_are_close(cells, bins, scale):
     images = descriptions(40, cells, bins, scale)
     exact, screened = both(images)
     others = np.arange(39)
-    found, bounds = exact.compare(39, others), screened.bounds(39, others)
+    found, glance = exact.compare(39, others), screened.glance(39, others)
+    bounds = screened.bounds(39, others)
+    assert (glance.position_low <= found.position).all()
+    assert (glance.orientation_low <= bounds.orientation_low).all()
+    assert (bounds.orientation_high <= glance.orientation_high).all()
     for distances, low, high in (
         (found.position, bounds.position_low, bounds.position_high),
         (found.orientation, bounds.orientation_low, bounds.orientation_high),

@@ -28,7 +28,7 @@ from omnieval.mapping.roman2020.conditions import (
 from omnieval.mapping.roman2020.evidence import COLUMNS, CURVES, GATES, ROLES, Centroid, ImageMatch, NodeGate, Verdict
 from omnieval.mapping.roman2020.matching import match_image
 from omnieval.mapping.roman2020.node import Node, NodeBank, fit_node, grow_node
-from omnieval.mapping.roman2020.screened import ScreenedMatch, screened_best, screened_match
+from omnieval.mapping.roman2020.screened import Effort, ScreenedMatch, screened_best, screened_match
 from omnieval.mapping.roman2020.settings import PRESETS, Roman2020Settings, Sides
 from omnieval.mapping.step import Comparison, Curves, EventKind, FinalMap, Match, NodeEvent, Number, Placement, Step
 
@@ -74,6 +74,7 @@ class Roman2020(BranchingMapper):
         self._run: list[int] = []
         self._created = 0
         self._placements: list[Placement] = []
+        self._effort = Effort()
 
     def too_short(self, images: int) -> str | None:
         """See `Mapper.too_short`."""
@@ -231,7 +232,7 @@ class Roman2020(BranchingMapper):
         return match_image(self.images, frame, self._members, candidates, prominence_mean=self.settings.prominence_mean)
 
     def _screened(self, frame: int, candidates: Iterable[int]) -> tuple[ScreenedMatch, bool] | None:
-        return screened_match(self.images, frame, self._members, candidates, self.settings)
+        return screened_match(self.images, frame, self._members, candidates, self.settings, self._effort)
 
     def _best(self, frame: int) -> ImageMatch | ScreenedMatch:
         """Return the most similar image of all nodes."""

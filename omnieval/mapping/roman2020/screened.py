@@ -18,15 +18,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnieval.descriptors.screened_store import Bounds
+from omnieval.descriptors.tiles import TILE
 from omnieval.mapping.memory import ImageMemory
 from omnieval.mapping.roman2020.conditions import DISTANCE_FLOOR
-from omnieval.mapping.roman2020.matching import laid_out
+from omnieval.mapping.roman2020.matching import Layout, laid_out
 from omnieval.mapping.roman2020.settings import Roman2020Settings
 
 _ROUNDING = 1e-12
 """Relative: more than similarities in double precision are rounded by."""
 _SUMMING = 1e-9
 """Relative: more than sums of prominences are."""
+_FIRST_TILES = 8
+"""Tiles to look for the best image in first; then ever more at once."""
+_LESS = 0.7
+"""What a decision begins with, of what the last one took."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +58,23 @@ class _Range:
     high: NDArray[np.float64]
 
 
+class Effort:
+    """How much of the candidates was screened for the last decisions: the next begins with somewhat less."""
+
+    def __init__(self) -> None:
+        self.share = 1.0
+
+    def note(self, share: float) -> None:
+        """Take in how much it took."""
+        self.share = _LESS * share
+
+
 def screened_best(
     images: ImageMemory, frame: int, members: Mapping[int, NDArray[np.int64]], candidates: Iterable[int]
 ) -> ScreenedMatch | None:
     """Return the most similar image; None if that is too close to call. See `match_image`."""
-    found = _screened(images, frame, members, candidates)
-    return None if found is None else found[0]
+    curve = _Curve(images, frame, laid_out(members, candidates))
+    return curve.best()
 
 
 def screened_match(
@@ -66,6 +83,7 @@ def screened_match(
     members: Mapping[int, NDArray[np.int64]],
     candidates: Iterable[int],
     settings: Roman2020Settings,
+    effort: Effort,
 ) -> tuple[ScreenedMatch, bool] | None:
     """Return the most similar image and whether it is prominent; None if either is too close to call.
 
@@ -77,43 +95,93 @@ def screened_match(
         See `match_image`.
     settings
         `prominence_mean`, `gamma` and `single_peak` are read.
+    effort
+        What it took before.
     """
-    found = _screened(images, frame, members, candidates)
-    if found is None:
+    layout = laid_out(members, candidates)
+    curve = _Curve(images, frame, layout)
+    match = curve.best()
+    if match is None:
         return None
-    match, similarity, slots, total, height = found
-    prominent = _prominent(similarity, slots, total, height, settings)
+    share = effort.share
+    while True:
+        curve.screen(share)
+        prominent = _prominent(curve.similarity, layout.slots, layout.total, curve.height, settings)
+        if prominent is not None or share >= 1.0:
+            break
+        share = 2.0 * share
+    effort.note(min(share, 1.0))
     return None if prominent is None else (match, prominent)
 
 
-def _screened(
-    images: ImageMemory, frame: int, members: Mapping[int, NDArray[np.int64]], candidates: Iterable[int]
-) -> tuple[ScreenedMatch, _Range, NDArray[np.int64], int, tuple[float, float]] | None:
-    """Return the most similar image, the range of all similarities, where they stand, and the range of the largest."""
-    layout = laid_out(members, candidates)
-    similarity = _similarities(images, frame, layout.frames)
-    if not np.isfinite(similarity.high).all():
-        return None
-    close = np.flatnonzero(similarity.high >= similarity.low.max())
-    exact = images.compare(frame, layout.frames[close])
-    distances = np.maximum(exact.position, DISTANCE_FLOOR) * np.maximum(exact.orientation, DISTANCE_FLOOR)
-    equal = np.flatnonzero(distances <= distances.min() * (1.0 + _ROUNDING))
-    first = int(equal[0])
-    if (exact.position[equal] != exact.position[first]).any() or (
-        exact.orientation[equal] != exact.orientation[first]
-    ).any():
-        return None
-    best = int(close[first])
-    largest = 1.0 / float(distances[first])
-    match = ScreenedMatch(int(layout.frames[best]), layout.node_of(best), int(exact.shifts[first]))
-    values = 1.0 / distances
-    similarity.low[close], similarity.high[close] = values * (1.0 - _ROUNDING), values * (1.0 + _ROUNDING)
-    return match, similarity, layout.slots, layout.total, (largest * (1.0 - _ROUNDING), largest * (1.0 + _ROUNDING))
+class _Curve:
+    """What is known of the similarities of an image and all images of some nodes, which is ever more.
+
+    Attributes
+    ----------
+    similarity
+        Range of 1 / (d_pos d_ori) of the m images.
+    height
+        Range of the largest of them.
+    """
+
+    def __init__(self, images: ImageMemory, frame: int, layout: Layout) -> None:
+        self._images, self._frame, self._layout = images, frame, layout
+        self.similarity = _similarities(images.glance(frame, layout.frames))
+        self.height = 0.0, np.inf
+        tiles, self._tile_of = np.unique(layout.frames // TILE, return_inverse=True)
+        self._screened = np.zeros(len(tiles), np.bool_)
+        self._exact: NDArray[np.int64] = np.zeros(0, np.int64)
+
+    def best(self) -> ScreenedMatch | None:
+        """Return the most similar image; None if that is too close to call."""
+        low, high = self.similarity.low, self.similarity.high
+        at_once = _FIRST_TILES
+        while True:
+            highest = np.zeros(len(self._screened))
+            np.maximum.at(highest, self._tile_of, high)
+            hopeful = np.flatnonzero(~self._screened & (highest >= low.max()))
+            if not len(hopeful):
+                break
+            self._screen(hopeful[np.argsort(-highest[hopeful], kind="stable")[:at_once]])
+            at_once *= 2
+        close = np.flatnonzero(high >= low.max())
+        exact = self._images.compare(self._frame, self._layout.frames[close])
+        distances = np.maximum(exact.position, DISTANCE_FLOOR) * np.maximum(exact.orientation, DISTANCE_FLOOR)
+        equal = np.flatnonzero(distances <= distances.min() * (1.0 + _ROUNDING))
+        first = int(equal[0])
+        if (exact.position[equal] != exact.position[first]).any() or (
+            exact.orientation[equal] != exact.orientation[first]
+        ).any():
+            return None
+        low[close], high[close] = (1.0 - _ROUNDING) / distances, (1.0 + _ROUNDING) / distances
+        self._exact = close
+        best = int(close[first])
+        self.height = float(low[best]), float(high[best])
+        return ScreenedMatch(int(self._layout.frames[best]), self._layout.node_of(best), int(exact.shifts[first]))
+
+    def screen(self, share: float) -> None:
+        """Screen at least a share of the tiles, those first of whose similarities most is unknown."""
+        wanted = int(np.ceil(share * len(self._screened))) - int(self._screened.sum())
+        if wanted > 0:
+            unknown = np.bincount(self._tile_of, self.similarity.high - self.similarity.low, len(self._screened))
+            left = np.flatnonzero(~self._screened)
+            self._screen(left[np.argsort(-unknown[left], kind="stable")[:wanted]])
+
+    def _screen(self, tiles: NDArray[np.int64]) -> None:
+        self._screened[tiles] = True
+        chosen = np.zeros(len(self._screened), np.bool_)
+        chosen[tiles] = True
+        at = np.flatnonzero(chosen[self._tile_of])
+        found = _similarities(self._images.bounds(self._frame, self._layout.frames[at]))
+        known = np.zeros(len(self._tile_of), np.bool_)
+        known[self._exact] = True
+        new = ~known[at]
+        self.similarity.low[at[new]], self.similarity.high[at[new]] = found.low[new], found.high[new]
 
 
-def _similarities(images: ImageMemory, frame: int, frames: NDArray[np.int64]) -> _Range:
-    """Return the range of 1 / (d_pos d_ori) of an image and others."""
-    bounds = images.bounds(frame, frames)
+def _similarities(bounds: Bounds) -> _Range:
+    """Return the range of 1 / (d_pos d_ori)."""
     far = np.maximum(bounds.position_high, DISTANCE_FLOOR) * np.maximum(bounds.orientation_high, DISTANCE_FLOOR)
     near = np.maximum(bounds.position_low, DISTANCE_FLOOR) * np.maximum(bounds.orientation_low, DISTANCE_FLOOR)
     return _Range((1.0 - _ROUNDING) / far, (1.0 + _ROUNDING) / near)
@@ -142,35 +210,37 @@ def _prominent(
     middle, radius = np.zeros(total + 2), np.zeros(total + 2)
     middle[slots + 1] = (similarity.low + similarity.high) / 2.0
     radius[slots + 1] = (similarity.high - similarity.low) / 2.0
-    peaks, unsure = _count_peaks(middle, radius)
-    if peaks + unsure < 2:
+    fewest, most_peaks = _count_peaks(middle, radius)
+    if most_peaks < 2:
         return settings.single_peak == "accept"
-    if peaks - unsure < 2:
+    if fewest < 2:
         return None
     summed = float(np.maximum(np.diff(middle), 0.0).sum())
     slack = float(radius.sum())
     least = (summed - slack) * (1.0 - _SUMMING)
     most = (summed + slack + _more_for_ties(middle, radius)) * (1.0 + _SUMMING)
-    fewest, highest = (peaks - unsure, peaks + unsure) if settings.prominence_mean == "peaks" else (len(slots),) * 2
+    if settings.prominence_mean == "candidates":
+        fewest = most_peaks = len(slots)
     if height[0] * fewest >= settings.gamma * most:
         return True
-    if height[1] * highest < settings.gamma * least:
+    if height[1] * most_peaks < settings.gamma * least:
         return False
     return None
 
 
 def _count_peaks(middle: NDArray[np.float64], radius: NDArray[np.float64]) -> tuple[int, int]:
-    """Return the number of peaks of a curve, and by how many it may differ for other values within the radius.
+    """Return how many peaks a curve has at least and at most, for all values within the radius.
 
-    Every neighbours whose order is not known make at most one peak more or less: there are as many peaks as changes
-    from rising to falling.
+    There are as many peaks as changes from rising to falling. Those of the neighbours whose order is known are there
+    whatever the order of the others, of which every two make at most one peak more.
     """
     steps = np.diff(middle)
     unsure = np.abs(steps) <= radius[1:] + radius[:-1]
     unsure &= (radius[1:] > 0.0) | (radius[:-1] > 0.0)
-    signs = np.sign(steps)
+    signs = np.sign(steps[~unsure])
     signs = signs[signs != 0.0]
-    return int(((signs[:-1] > 0.0) & (signs[1:] < 0.0)).sum()), int(unsure.sum())
+    fewest = int(((signs[:-1] > 0.0) & (signs[1:] < 0.0)).sum())
+    return fewest, fewest + int(unsure.sum())
 
 
 def _more_for_ties(middle: NDArray[np.float64], radius: NDArray[np.float64]) -> float:
