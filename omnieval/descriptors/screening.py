@@ -191,7 +191,8 @@ class Batch:
 
     def _sizes(self, sketch: Sketch) -> NDArray[np.float64]:
         """Return the products of the norms of the batch and a tile, shape (q, tile)."""
-        return np.sqrt(self.squares[1][:, np.newaxis] * sketch.squares[1])
+        sizes: NDArray[np.float64] = np.sqrt(self.squares[1][:, np.newaxis] * sketch.squares[1])
+        return sizes
 
 
 def _representable(sizes: NDArray[np.float64]) -> NDArray[np.bool_]:
