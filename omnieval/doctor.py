@@ -22,6 +22,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
+from omnieval.cores import allotted
 from omnieval.descriptors.cache_folder import DESCRIPTIONS, STREAMS, cache_state
 from omnieval.locks import kind_of_locks
 from omnieval.wording import counted
@@ -150,12 +151,11 @@ def _version(name: str) -> str:
 def _machine() -> dict[str, str]:
     from omnieval.recording.pipe import PIPES
 
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "platform": platform.platform(),
         "machine": platform.machine(),
         "python": f"{platform.python_implementation()}, {_homeless(sys.executable)}",
-        "cores": f"{os.cpu_count()}, {usable} of them usable",
+        "cores": f"{os.cpu_count()}, {allotted()} of them usable",
         "locks": kind_of_locks(),
         "recordings": "written by omnieval" if PIPES else "written by Rerun: a full disk may stop a replay for ever",
         "encoding": f"{locale.getpreferredencoding(do_setlocale=False)}, file names {sys.getfilesystemencoding()}",

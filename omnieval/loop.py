@@ -6,7 +6,6 @@ and may fail without changing any result.
 
 from __future__ import annotations
 
-import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from omnieval.components import Component
 from omnieval.config import Config, as_config
+from omnieval.cores import allotted
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.archive import Archive, save_archive
 from omnieval.descriptors.description import DescribedFrame, Description
@@ -287,7 +287,7 @@ def made_mapper(component: Component, *, evidence: bool = True) -> Mapper:
     branching = component.given is None and issubclass(component.cls, BranchingMapper)
     if not evidence and not (branching and component.cls.screens):
         raise ConfigError(f"the mapper {component.name} decides by its evidence, which cannot be left out")
-    memory = ImageMemory(threads=os.cpu_count() or 1, screening=not evidence)
+    memory = ImageMemory(threads=allotted(), screening=not evidence)
     mapper: Mapper = component.make(**({"images": memory} if branching else {}))
     return mapper
 

@@ -34,7 +34,7 @@ from omnieval.datasets.source import apart
 from omnieval.datasets.trajectory.load import OPTIONS as OF_POSES
 from omnieval.descriptors.archive import Archive, load_archive
 from omnieval.descriptors.cache import DescriptorCache, image_digest
-from omnieval.descriptors.describe import Describer
+from omnieval.descriptors.describe import Describer, Elsewhere
 from omnieval.descriptors.description import DescribedFrame, Description
 from omnieval.errors import ConfigError, DatasetError, OmnievalError, ResultError
 from omnieval.imaging.camera import CameraModel, camera_in_words, camera_of, resolve_camera
@@ -182,7 +182,14 @@ class Material:
 
 
 @contextmanager
-def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: bool = False) -> Iterator[Material]:
+def opened(
+    source: Source,
+    config: Config,
+    cut: Cut | None = None,
+    *,
+    skip_bad: bool = False,
+    elsewhere: Elsewhere | None = None,
+) -> Iterator[Material]:
     """Give the material of a source, its descriptions ready to be computed.
 
     What is odd about it is said once, as warnings of the logger ``omnieval``, before anything is computed.
@@ -197,6 +204,8 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
         Which of its frames; None for all.
     skip_bad
         Leave out images that are not fit for use (`imaging.soundness`) instead of refusing the sequence.
+    elsewhere
+        Where images are described; None: in this process.
 
     Raises
     ------
@@ -211,7 +220,7 @@ def opened(source: Source, config: Config, cut: Cut | None = None, *, skip_bad: 
     sequence = (source if isinstance(source, Sequence) else load(source)).cut(**dataclasses.asdict(cut))
     sequence, skipped = without_bad(sequence) if skip_bad else (sequence, None)
     with DescriptorCache() as cache:
-        material = _of_images(sequence, config, cache, skipped)
+        material = _of_images(sequence, config, cache, skipped, elsewhere=elsewhere)
         for finding in material.findings:
             if finding.severity == "warning":
                 _LOG.warning("%s", finding)
@@ -503,6 +512,7 @@ def _of_images(
     skipped: tuple[BadImage, ...] | None,
     camera: CameraModel | None = None,
     undescribed_cells: int | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> Material:
     sequence = examined(sequence, cache)
     unposed = why_unposed(sequence.frames)
@@ -512,7 +522,7 @@ def _of_images(
         if camera.kind == "omnidirectional" and not camera.told:
             _LOG.info("camera: %s", camera_in_words(camera.about))
     described: Iterator[DescribedFrame] = (
-        Describer(camera, config.descriptor, cache).describe_frames(sequence.frames)
+        Describer(camera, config.descriptor, cache, elsewhere).describe_frames(sequence.frames)
         if undescribed_cells is None
         else _undescribed(sequence.frames)
     )

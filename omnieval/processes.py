@@ -10,6 +10,28 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 
+from omnieval.cores import allotted, take_share
+from omnieval.errors import ConfigError
+
+
+def job_count(jobs: int | str) -> int:
+    """Return how many jobs run at a time: a number, or for ``auto`` as many as processors are allotted.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither.
+    """
+    if jobs == "auto":
+        return allotted()
+    try:
+        count = int(jobs)
+    except ValueError:
+        count = 0
+    if count < 1:
+        raise ConfigError(f"--jobs must be 1 or more, or auto, got {jobs}")
+    return count
+
 
 @contextmanager
 def workers(count: int) -> Iterator[Executor]:
@@ -22,7 +44,8 @@ def workers(count: int) -> Iterator[Executor]:
             yield pool
         return
     others = set(active_children())
-    with _dropping(ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_start)) as pool:
+    context = get_context("spawn")
+    with _dropping(ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(count,))) as pool:
         well = False
         try:
             yield pool
@@ -41,8 +64,12 @@ def _dropping(pool: Executor) -> Iterator[Executor]:
         pool.shutdown(cancel_futures=True)
 
 
-def _start() -> None:
-    """Prepare a worker: the parent alone decides about an interrupt, and a worker does not outlive a killed one."""
+def _start(count: int) -> None:
+    """Prepare a worker: the parent alone decides about an interrupt, and a worker does not outlive a killed one.
+
+    What it computes it computes on its share of the processors.
+    """
+    take_share(count)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from omnieval.ablation.grid import Span
 from omnieval.baselines.similarity import similarity_matrix, too_many
@@ -23,6 +26,7 @@ from omnieval.mapping.interface import Method
 from omnieval.material import Cut, Material, Source
 from omnieval.metrics.silhouette import silhouettes
 from omnieval.results.provenance import dataset_fingerprint
+from omnieval.source_code import digest_of
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,16 @@ class Input:
     in_map: Input | None = None
 
     @property
+    def about(self) -> dict[str, Any]:
+        """What determines which images these are, as plain values."""
+        return {
+            "source": self.source,
+            "cut": [self.cut.start, self.cut.stride, self.cut.limit],
+            "skipped": None if self.skipped is None else [bad.file for bad in self.skipped],
+            "replicate": self.replicate,
+        }
+
+    @property
     def rest(self) -> Cut:
         """What is still to be cut when it is opened."""
         return self.cut if isinstance(self.given, Path) else Cut()
@@ -85,6 +99,20 @@ class Job:
     input: Input
     config: Config
     span: Span | None = None
+
+    @cached_property
+    def key(self) -> str:
+        """What determines its row, as a digest: jobs with equal keys are the same, wherever they stand in a grid."""
+        place = self.input.in_map
+        about = {
+            "input": self.input.about,
+            "in_map": place.about if place else None,
+            "mapper": self.config.mapper.identity,
+            "descriptor": self.config.descriptor.identity,
+            "imaging": self.config.imaging.model_dump(mode="json"),
+            "span": [self.span.name, self.span.first, self.span.last] if self.span else None,
+        }
+        return digest_of(about)[:16]
 
     @property
     def origin(self) -> dict[str, Any]:
@@ -144,6 +172,20 @@ class Described:
         return [frame.time_ns for frame in self.frames]
 
 
+def dataset_key(job: Job, *, of_map: bool = False) -> str:
+    """Return what the descriptions of a job's images depend on, as text; equal keys share them.
+
+    With `of_map`, those of the images in whose map they are looked for.
+    """
+    assert not of_map or job.input.in_map is not None
+    about = {
+        "source": (job.input.in_map if of_map and job.input.in_map else job.input).source,
+        "descriptor": job.config.descriptor.identity,
+        "imaging": job.config.imaging.model_dump(mode="json"),
+    }
+    return json.dumps(about, sort_keys=True)
+
+
 def describe(material: Material, folder: Path) -> Described:
     """Describe all images of the material; what the cache cannot keep is kept in `folder`.
 
@@ -188,11 +230,12 @@ def batch_silhouettes(described: Described, ks: list[int], seed: int) -> dict[in
         return found
     if fault := too_many(len(described.frames)):
         raise ConfigError(fault)
-    embedding = spectral_embedding(
-        similarity_matrix(described.descriptions.array("position"), "gaussian-median"), max(usable)
-    )
-    for k in usable:
-        labels = embedding.cluster(k, seed=seed)
-        if len(np.unique(labels)) > 1:
-            found[k] = silhouettes(described.positions, labels).silhouette
+    with threadpool_limits(1):  # the same bits in whatever process
+        embedding = spectral_embedding(
+            similarity_matrix(described.descriptions.array("position"), "gaussian-median"), max(usable)
+        )
+        for k in usable:
+            labels = embedding.cluster(k, seed=seed)
+            if len(np.unique(labels)) > 1:
+                found[k] = silhouettes(described.positions, labels).silhouette
     return found

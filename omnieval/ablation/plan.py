@@ -11,7 +11,7 @@ from typing import Any
 
 from omnieval.ablation.grid import COMPONENTS, Axis, Span, column_of, components, configurations, value_of
 from omnieval.ablation.jobs import Input, Job
-from omnieval.ablation.store import as_text
+from omnieval.ablation.store import Part, as_text
 from omnieval.components import Component
 from omnieval.config import Config, Setting, parameters
 from omnieval.datasets import Sequence as ImageSequence
@@ -24,7 +24,7 @@ from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.imaging.soundness import without_bad
 from omnieval.loop import too_short
-from omnieval.material import ARCHIVE, Cut, Source, archive_file, opened, refuse_descriptor
+from omnieval.material import ARCHIVE, Cut, Source, archive_file, described_again, opened, refuse_descriptor
 from omnieval.results.schemas import parameter_type
 
 
@@ -45,6 +45,9 @@ class Plan:
         The parameter that takes all values of an interval in every job; None for a grid of points.
     tuned_on
         Sources, without perturbations, that parameters are chosen on, to be judged on the others.
+    shard
+        Of which shard these are the jobs, and of what plan, as ``run.json`` tells of it (`shards.shard_of`); None if
+        they are all.
     """
 
     jobs: tuple[Job, ...]
@@ -52,6 +55,7 @@ class Plan:
     grid: dict[str, Any]
     exact: Span | None = None
     tuned_on: tuple[str, ...] = ()
+    shard: dict[str, Any] | None = None
 
 
 def make_plan(
@@ -114,13 +118,40 @@ def make_plan(
     pairs = [(one, config) for one in inputs for config in _of_input(one, configs)]
     columns = (column_of(config, axis.name) for axis in axes for _, config in pairs)
     varied = tuple(dict.fromkeys(column for column in columns if column is not None))
+    jobs = tuple(Job(number, one, config, exact) for number, (one, config) in enumerate(pairs))
+    if len({job.key for job in jobs}) < len(jobs):
+        raise ConfigError("two components of the grid are the same, with the same settings; leave one of them out")
     return Plan(
-        tuple(Job(number, one, config, exact) for number, (one, config) in enumerate(pairs)),
+        jobs,
         varied,
         _grid(inputs, [config for _, config in pairs], varied, exact),
         exact,
         tuple(tuned_on),
     )
+
+
+def jobs_again(grid: Mapping[str, Any], parts: Sequence[Part]) -> tuple[Job, ...]:
+    """Return the jobs of a grid whose rows are there, with images that can be opened and components as they were.
+
+    In whose maps images were looked for is not told: nothing can be run again with them.
+
+    Raises
+    ------
+    DatasetError
+        If a source cannot be opened any more.
+    ResultError
+        If a descriptor has changed or is gone.
+    """
+    cuts = dict(zip(grid["sources"], grid["cuts"], strict=True))
+    inputs: dict[str, Input] = {}
+    jobs = []
+    for part in parts:
+        source = part.rows[0]["source"]
+        config = described_again(Config.of_run(part.config))
+        if source not in inputs:
+            inputs[source] = _input(source, [config], Cut(*cuts[source]), skip_bad="skipped" in grid)
+        jobs.append(Job(part.number, replace(inputs[source], replicate=part.rows[0]["replicate"]), config))
+    return tuple(jobs)
 
 
 def _in_maps(inputs: Sequence[Input], localize: Mapping[str, str]) -> list[Input]:

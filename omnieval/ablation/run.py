@@ -1,71 +1,36 @@
-"""Runs an ablation: describes the images once, runs the jobs, saves each row when it is done, and writes the table."""
+"""Ablations from Python and the command line: options that are checked, and a plan that is run into a folder."""
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import polars as pl
 
+from omnieval.ablation.crew import crew_of
+from omnieval.ablation.driver import Ablation, Progress, Work, conclude, dropping_descriptors, fingerprints, guard_of
 from omnieval.ablation.grid import Span, make_axis, parse_span
-from omnieval.ablation.jobs import Described, Job, batch_silhouettes, describe, failed_row
+from omnieval.ablation.jobs import Job
 from omnieval.ablation.plan import Plan, make_plan
-from omnieval.ablation.store import BEST, KIND, Store, rows_table
-from omnieval.ablation.summary import over_replicates, tuned
-from omnieval.ablation.tree import grow, plant
+from omnieval.ablation.shards import Shard, shard_of
+from omnieval.ablation.store import FINGERPRINTS, KIND, Part, Store
+from omnieval.cluster import ClusterSpec
 from omnieval.config import Setting
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.datasets.perturbation import Perturbation, Replicates
 from omnieval.descriptors.cache import DescriptorCache
-from omnieval.errors import ConfigError, OmnievalError
+from omnieval.errors import ConfigError
 from omnieval.imaging.soundness import examined
-from omnieval.loop import run as replay
-from omnieval.material import Cut, Source, opened, with_poses
+from omnieval.material import Cut, Source, with_poses
 from omnieval.metrics.catalogue import BY_NAME
-from omnieval.processes import workers
-from omnieval.recording import RecordingOptions
-from omnieval.results.content import content_hash
-from omnieval.results.folder import ResultFolder, hold_folder, reason_of
-from omnieval.results.provenance import code_digest, versions
+from omnieval.processes import job_count
+from omnieval.results.folder import hold_folder
 from omnieval.results.run_folder import free_folder
 from omnieval.wording import did_you_mean
 
-Progress = Callable[[int, int], None]
 RUNS = Path("runs")
-
-
-class JobFailedError(OmnievalError):
-    """A job failed and the ablation was to stop there.
-
-    Example: ``job 12 of synthetic-night failed: LinAlgError: ...; run it again with --resume``.
-    """
-
-    exit_code: ClassVar[int] = 5
-
-
-@dataclass(frozen=True)
-class Ablation:
-    """An ablation folder and its table (`schemas.ablation_schema`).
-
-    `lacking` says why rows have no ``batch_silhouette`` that could have one. `tuned` is what parameters that were
-    chosen on some sequences come to on the others (`summary.tuned`), None if none were.
-    """
-
-    folder: Path
-    table: pl.DataFrame
-    lacking: str | None = None
-    tuned: pl.DataFrame | None = None
-
-    @property
-    def failed(self) -> int:
-        """How many jobs failed."""
-        return self.table["error"].count()
 
 
 def ablate(
@@ -89,7 +54,9 @@ def ablate(
     tune_on: Source | Iterable[Source] = (),
     tune_by: str = "silhouette",
     localize: Mapping[str, str] | None = None,
-    jobs: int = 1,
+    shard: str | None = None,
+    jobs: int | str = 1,
+    cluster: str | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
@@ -128,7 +95,9 @@ def ablate(
         Choose parameters on these sources by this metric, and judge them on the others.
     localize
         By source: the source in whose map its images are also looked for.
-    jobs, out, resume, overwrite, csv, keep_steps, record_best, fail_fast, progress
+    shard
+        Run only one of so many shares of the jobs, such as ``"2/5"`` (`shards.shard_of`).
+    jobs, cluster, out, resume, overwrite, csv, keep_steps, record_best, fail_fast, progress
         See `run_plan`.
 
     Examples
@@ -154,9 +123,10 @@ def ablate(
         tune_on=[tune_on] if isinstance(tune_on, str | Path | ImageSequence) else list(tune_on),
     )
     return run_plan(
-        plan,
+        shard_of(plan, Shard.parse(shard), tune_by) if shard else plan,
         tune_by=tune_by,
-        jobs=jobs,
+        jobs=job_count(jobs),
+        cluster=ClusterSpec.parse(cluster) if cluster else None,
         out=out,
         resume=resume,
         overwrite=overwrite,
@@ -190,6 +160,7 @@ def run_plan(
     *,
     tune_by: str = "silhouette",
     jobs: int = 1,
+    cluster: ClusterSpec | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
@@ -209,11 +180,13 @@ def run_plan(
         The metric that parameters are chosen by, if they are (`Plan.tuned_on`).
     jobs
         Processes; the rows do not depend on it, except the seconds.
+    cluster
+        Workers elsewhere that run the jobs instead (`omnieval.cluster`); neither do the rows depend on them.
     out
         Folder to write; default ``runs/ablation[-<n>]``.
     resume
-        Continue the ablation in `out`: rows that are there are kept, failed jobs are run again. If none was started
-        there, it is started.
+        Continue the ablation in `out`, with all its values and sources, and more if there are more: rows that are
+        there are kept, failed jobs are run again. If none was started there, it is started.
     overwrite
         Replace an earlier ablation in `out`.
     csv
@@ -238,42 +211,42 @@ def run_plan(
     JobFailedError
         With `fail_fast`, when a job fails.
     """
-    check_options(plan.exact, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or record_best)
+    check_options(plan.exact, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or record_best)
+    if plan.shard and record_best:
+        raise ConfigError("a shard does not know the best run of all; record it when the shards are merged")
     check_tuning(plan, tune_by)
-    if jobs > 1:
+    jobs = job_count(jobs)
+    if jobs > 1 and cluster:
+        raise ConfigError("--jobs is for processes of this command, --cluster for workers elsewhere; give one of them")
+    if jobs > 1 or cluster:
         _refuse_mappers_of_this_process(plan.jobs)
     with DescriptorCache() as cache:
         for given in {job.input.source: job.input.given for job in plan.jobs}.values():
             if isinstance(given, ImageSequence):
                 examined(given, cache)
     store = Store(out or free_folder(RUNS, "ablation"))
-    work = _Work(plan, store, jobs, tune_by, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
+    work = Work(plan, store, tune_by, keep_steps=keep_steps, fail_fast=fail_fast, progress=progress)
     resume = resume and store.exists()
     held = store.open(None if resume else work.guard, overwrite=overwrite, resume=resume)
-    with held as folder, _dropping_descriptors(store):
+    with crew_of(plan.jobs, jobs, cluster) as crew, held as folder, dropping_descriptors(store):
         if resume:
-            store.check(work.guard)
-        described = work.describe()
+            _check(store, plan, work.guard)
+        described = work.describe(crew)
         prints = fingerprints(described)
         if resume:
-            store.check(prints)  # before ``run.json`` is written: if the images are others, it stays as it is
-            folder.begin(work.guard | prints)
+            # Before ``run.json`` is written: if the images are others, it stays as it is.
+            store.check_fingerprints(prints[FINGERPRINTS])
+            folder.begin(work.guard | prints, store.best_files() if work.waiting else ())
+            store.renumber({job.key: job.number for job in plan.jobs})
         else:
             folder.update(prints)
-        return _finish(work, described, folder, csv=csv, record_best=record_best)
+        started = time.perf_counter()
+        crew.take(described)
+        work.run(crew, described)
+        return conclude(work, described, folder, crew, started=started, csv=csv, record_best=record_best)
 
 
-@contextmanager
-def _dropping_descriptors(store: Store) -> Iterator[None]:
-    try:
-        yield
-    finally:
-        store.drop_descriptors()
-
-
-def check_options(
-    exact: Span | None, *, jobs: int, out: str | Path | None, resume: bool, overwrite: bool, keep: bool
-) -> None:
+def check_options(exact: Span | None, *, out: str | Path | None, resume: bool, overwrite: bool, keep: bool) -> None:
     """Refuse options that contradict each other; `keep` is whether anything of single runs is to be kept.
 
     Raises
@@ -281,38 +254,16 @@ def check_options(
     ConfigError
         One line, if they do.
     """
-    if jobs < 1:
-        raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
     if exact and keep:
         raise ConfigError("--exact makes no single runs, so there is nothing to record and no decision trace to keep")
     if resume and (out is None or overwrite):
         raise ConfigError("--resume continues the ablation in --out; name it, and leave --overwrite out")
 
 
-def guard_of(plan: Plan, *, keep_steps: bool) -> dict[str, Any]:
-    """Return what an ablation that is resumed must have in common, besides the datasets."""
-    about = {"grid": plan.grid, "keep_steps": keep_steps, "code": code_digest(), "versions": versions()}
-    plain: dict[str, Any] = json.loads(json.dumps(about))
-    return plain
-
-
-def fingerprints(described: Mapping[str, Described]) -> dict[str, dict[str, str]]:
-    """Return, as the entry of ``run.json``, the fingerprint of each sequence by its source."""
-    return {"dataset_fingerprints": {json.loads(key)["source"]: one.fingerprint for key, one in described.items()}}
-
-
-def dataset_key(job: Job, *, of_map: bool = False) -> str:
-    """Return what the descriptions of a job's images depend on, as text; equal keys share them.
-
-    With `of_map`, those of the images in whose map they are looked for.
-    """
-    assert not of_map or job.input.in_map is not None
-    about = {
-        "source": (job.input.in_map if of_map and job.input.in_map else job.input).source,
-        "descriptor": job.config.descriptor.identity,
-        "imaging": job.config.imaging.model_dump(mode="json"),
-    }
-    return json.dumps(about, sort_keys=True)
+def _check(store: Store, plan: Plan, guard: Mapping[str, Any]) -> None:
+    """See that a plan goes on with what a folder holds, as far as can be told without the images."""
+    store.check({name: value for name, value in guard.items() if name not in ("grid", "shard")})
+    store.check_growth(guard["grid"], guard.get("shard"), [job.key for job in plan.jobs])
 
 
 def check_tuning(plan: Plan, tune_by: str) -> None:
@@ -333,105 +284,6 @@ def check_tuning(plan: Plan, tune_by: str) -> None:
         raise ConfigError(f"--tune-by: {tune_by} has no better direction; choose another metric, for example pair_f1")
 
 
-@dataclass(frozen=True)
-class _Work:
-    """A plan while it runs: its jobs, those that are done, and the folder for their rows."""
-
-    plan: Plan
-    store: Store
-    processes: int
-    tune_by: str
-    keep_steps: bool
-    fail_fast: bool
-    progress: Progress | None
-
-    @property
-    def guard(self) -> dict[str, Any]:
-        """What an ablation that is resumed must have in common."""
-        return guard_of(self.plan, keep_steps=self.keep_steps)
-
-    def describe(self) -> dict[str, Described]:
-        """Describe every sequence once for each way to describe it that the grid has."""
-        needed = {dataset_key(job): job for job in self.plan.jobs}
-        frames = sum(job.input.images for job in needed.values())
-        described: dict[str, Described] = {}
-        done = 0
-        for number, (key, job) in enumerate(needed.items()):
-            folder = self.store.descriptors(number)
-            with opened(job.input.given, job.config, job.input.rest) as material:
-                described[key] = describe(material, folder)
-            done += job.input.images
-            if self.progress:
-                self.progress(done, frames)
-        return described
-
-    def run(self, pool: Executor, described: Mapping[str, Described]) -> None:
-        """Run what is not done yet and keep each row as it comes."""
-        done = _done(self.store.parts())
-        waiting = [job for job in self.plan.jobs if job.number not in done]
-
-        def in_map(job: Job) -> Described | None:
-            return described[dataset_key(job, of_map=True)] if job.input.in_map else None
-
-        trees = plant(waiting, [dataset_key(job) for job in waiting], self.processes)
-        futures = {
-            pool.submit(
-                grow, list(map(_sent, tree)), described[dataset_key(tree[0])], self._steps_files(tree), in_map(tree[0])
-            ): tree
-            for tree in trees
-        }
-        ended = len(self.plan.jobs) - len(waiting)
-        for future in as_completed(futures):
-            for job, rows in _by_job(futures[future], future):
-                self.store.add(job.number, rows, job.about)
-                error = rows[0].get("error")
-                if error and self.fail_fast:
-                    message = f"job {job.number} of {job.input.name} failed: {error}; run it again with --resume"
-                    raise JobFailedError(message)
-                ended += 1
-                if self.progress:
-                    self.progress(ended, len(self.plan.jobs))
-
-    def with_batch(
-        self, pool: Executor, described: Mapping[str, Described], rows: Sequence[dict[str, Any]]
-    ) -> tuple[pl.DataFrame, str | None]:
-        """Return the rows beside batch clustering with as many clusters as each map has nodes, and why some lack it.
-
-        It compares all images with each other, which may need more memory than there is.
-        """
-        of_job = {job.number: (dataset_key(job), job.config.seed) for job in self.plan.jobs}
-        shared: dict[tuple[str, int], set[int]] = {}
-        for row in rows:
-            if row.get("nodes"):
-                shared.setdefault(of_job[row["job"]], set()).add(row["nodes"])
-        futures = {
-            (dataset, seed): _batch(pool, described[dataset], sorted(ks), seed)
-            for (dataset, seed), ks in shared.items()
-        }
-        errors = {key: error for key, future in futures.items() if (error := future.exception())}
-        batch = {key: future.result() for key, future in futures.items() if key not in errors}
-        beside = [
-            {**row, "batch_silhouette": batch.get(of_job[row["job"]], {}).get(row.get("nodes") or 0)} for row in rows
-        ]
-        table = rows_table(beside, self.plan.grid["types"])
-        return table, "; ".join(dict.fromkeys(_why(error) for error in errors.values())) or None
-
-    def _steps_files(self, tree: Sequence[Job]) -> dict[int, Path]:
-        return {job.number: self.store.steps_file(job.number) for job in tree if self.keep_steps}
-
-
-def _sent(job: Job) -> Job:
-    """Return a job as a process gets it: no object goes along, which may hold what cannot.
-
-    Its images are described already, and its mapper is made again of its class and settings.
-    """
-    mapper, descriptor = job.config.mapper, replace(job.config.descriptor, given=None)
-    if mapper.spec is not None:
-        mapper = replace(mapper, given=None)
-    alone = replace(job.input, given=Path(), in_map=job.input.in_map and replace(job.input.in_map, given=Path()))
-    return replace(job, input=alone, config=replace(job.config, mapper=mapper, descriptor=descriptor))
-
-
 def _refuse_mappers_of_this_process(jobs: Iterable[Job]) -> None:
     for mapper in {id(job.config.mapper): job.config.mapper for job in jobs}.values():
         if mapper.spec is None:  # nothing names its class to another process
@@ -441,91 +293,18 @@ def _refuse_mappers_of_this_process(jobs: Iterable[Job]) -> None:
             )
 
 
-def _batch(pool: Executor, described: Described, ks: list[int], seed: int) -> Future[dict[int, float | None]]:
-    """Have batch clustering done; a pool whose processes have been killed already gives its error in the future too."""
-    try:
-        return pool.submit(batch_silhouettes, described, ks, seed)
-    except BrokenExecutor as error:
-        future: Future[dict[int, float | None]] = Future()
-        future.set_exception(error)
-        return future
-
-
-def _why(error: BaseException) -> str:
-    if isinstance(error, BrokenExecutor):
-        return "a worker process was killed, perhaps for lack of memory"
-    return reason_of(error)
-
-
-def _by_job(tree: Sequence[Job], future: Future[list[dict[str, Any]]]) -> list[tuple[Job, list[dict[str, Any]]]]:
-    """Return the rows of each job of a tree that has ended."""
-    error = future.exception()
-    if isinstance(error, BrokenExecutor):
-        raise OmnievalError(f"{_why(error)}; --resume with fewer --jobs")
-    rows = [failed_row(job, error) for job in tree] if error else future.result()
-    return [(job, [row for row in rows if row["job"] == job.number]) for job in tree]
-
-
-def _done(parts: Mapping[int, Sequence[Mapping[str, Any]]]) -> set[int]:
-    """Return the jobs that need not be run again."""
-    return {number for number, rows in parts.items() if all(row.get("error") is None for row in rows)}
-
-
-def _finish(
-    work: _Work, described: Mapping[str, Described], folder: ResultFolder, *, csv: bool, record_best: bool
-) -> Ablation:
-    """Run the jobs, write the table and what else was asked for."""
-    started = time.perf_counter()
-    with workers(work.processes) as pool:
-        work.run(pool, described)
-        rows = work.store.rows()
-        work.store.write(
-            rows_table(rows, work.plan.grid["types"]), csv=csv
-        )  # what else befalls us, the sweep has its table
-        table, lacking = work.with_batch(pool, described, rows)
-    work.store.write(table, csv=csv)
-    chosen = tuned(table, work.plan.varied, work.plan.tuned_on, work.tune_by) if work.plan.tuned_on else None
-    ablation = Ablation(work.store.folder, table, lacking, chosen)
-    if record_best and (best := best_run(table)) is not None:
-        job = work.plan.jobs[best]
-        with opened(job.input.given, job.config, job.input.rest) as material:
-            whole = replace(material, skipped=job.input.skipped)
-            replay(whole, job.config, ablation.folder / BEST, overwrite=True, recording=RecordingOptions())
-    folder.complete(
-        {
-            "jobs": len(table),
-            "failed_jobs": ablation.failed,
-            **({} if chosen is None else {"tuned_by": work.tune_by, "tuned": chosen.to_dicts()}),
-            "null_reasons": {"batch_silhouette": lacking} if lacking else {},
-            "content_hashes": {KIND: content_hash(table)},
-            "timings": {"seconds": time.perf_counter() - started, "processes": work.processes},
-        }
-    )
-    return ablation
-
-
-def best_run(table: pl.DataFrame) -> int | None:
-    """Return the job with the highest silhouette, the first of equals; None if no run has one.
-
-    Where there are replicates, it is the first of those whose mean is the highest.
-    """
-    scored = over_replicates(table).drop_nulls("silhouette")
-    return None if scored.is_empty() else int(scored["job"][int(scored["silhouette"].arg_max() or 0)])
-
-
 def job_states(plan: Plan, out: str | Path | None, *, keep_steps: bool) -> Sequence[tuple[Job, str]]:
     """Return every job with ``done``, or why it is not; nothing is written and no image is read."""
     store = Store(out) if out else None
     if store is None or not store.exists():
         return [(job, "not started") for job in plan.jobs]
     with hold_folder(store.folder, KIND):
-        store.check(guard_of(plan, keep_steps=keep_steps))
+        _check(store, plan, guard_of(plan, keep_steps=keep_steps))
         parts = store.parts()
-    return [(job, _state(parts.get(job.number))) for job in plan.jobs]
+    return [(job, _state(parts.get(job.key))) for job in plan.jobs]
 
 
-def _state(rows: Sequence[Mapping[str, Any]] | None) -> str:
-    if rows is None:
+def _state(part: Part | None) -> str:
+    if part is None:
         return "not started"
-    error = next((row["error"] for row in rows if row.get("error")), None)
-    return f"failed, will run again: {error}" if error else "done"
+    return f"failed, will run again: {part.error}" if part.error else "done"

@@ -11,9 +11,9 @@ import typer
 from omnieval.cli import options
 
 if TYPE_CHECKING:
+    from omnieval.ablation.driver import Ablation
     from omnieval.ablation.grid import Axis, Span
     from omnieval.ablation.plan import Plan
-    from omnieval.ablation.run import Ablation
     from omnieval.config import Setting
     from omnieval.datasets.perturbation import Perturbation
     from omnieval.material import Cut
@@ -22,8 +22,13 @@ SOME_FAILED = 5
 
 
 def ablate(
+    context: typer.Context,
     sources: Annotated[
-        list[str] | None, typer.Argument(help="Sequences as for replay; default synthetic.", metavar="SOURCE")
+        list[str] | None,
+        typer.Argument(
+            help="Sequences as for replay; default synthetic. With --merge, the folders of the shards.",
+            metavar="SOURCE",
+        ),
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -101,13 +106,38 @@ def ablate(
     tune_by: Annotated[
         str, typer.Option("--tune-by", help="Metric by which --tune-on chooses.", metavar="METRIC")
     ] = "silhouette",
-    jobs: Annotated[
-        int, typer.Option(help="Number of processes; the table is the same for any number.", metavar="N")
-    ] = 1,
+    jobs: options.Jobs = "1",
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            help="Workers by Dask that run the jobs instead: local:N, tcp://HOST:8786, or a file of jobs to submit; "
+            "the table does not depend on them.",
+            metavar="WHERE",
+        ),
+    ] = None,
+    cluster_template: Annotated[
+        str | None,
+        typer.Option("--cluster-template", help="Print a file for --cluster, with comments: slurm.", metavar="slurm"),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write; default runs/ablation[-<n>].", metavar="DIR")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the ablation in --out.")] = False,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Continue the ablation in --out; with more values or sources than it had, it grows."
+        ),
+    ] = False,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            help="Run the jobs of one of so many shares, each into a folder of its own, e.g. 2/5.",
+            metavar="NUMBER/OF",
+        ),
+    ] = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="Put the folders of all shards together into --out; nothing is run.")
+    ] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an earlier ablation in the same folder.")
     ] = False,
@@ -144,20 +174,37 @@ def ablate(
       omnieval ablate --replicates 20 --perturb start=0:30,mirror=1,noise=2
 
       omnieval ablate synthetic:night --vary n_new=10:50:10 --tune-on synthetic
+
+      omnieval ablate --vary n_new=10:50:10 --shard 1/2 --out runs/half-1
+
+      omnieval ablate --merge runs/half-1 runs/half-2 --out runs/whole
     """
     from omnieval.ablation.grid import parse_span
     from omnieval.ablation.run import check_options, check_tuning, drawn, run_plan
+    from omnieval.ablation.shards import Shard, shard_of
     from omnieval.cli.console import progress
+    from omnieval.cluster import ClusterSpec
     from omnieval.errors import ConfigError
+    from omnieval.processes import job_count
 
+    if cluster_template is not None:
+        _print_template(cluster_template)
+        return
     if rrd not in {None, "best"}:
         raise ConfigError(f"--rrd {rrd!r}: the only choice is best")
+    benchmark, presets = _benchmark(preset)
+    if merge:
+        _refuse_besides_folders(context)
+        _merge(sources or (), out, overwrite=overwrite, csv=csv, best=rrd == "best", benchmark=benchmark, json=json)
+        return
     span = parse_span(exact) if exact else None
-    check_options(span, jobs=jobs, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
+    part = Shard.parse(shard) if shard else None
+    count = job_count(jobs)
+    where = ClusterSpec.parse(cluster) if cluster else None
+    check_options(span, out=out, resume=resume, overwrite=overwrite, keep=keep_steps or rrd == "best")
     chosen = {"mapper": mapper, "descriptor": descriptor}
     cut = options.cut(start, stride, limit)
     about = poses, poses_tolerance, poses_interpolate, topic, pose_topic, pose_frame, decode_every
-    benchmark, presets = _benchmark(preset)
     given = [options.source_with(source, *about) for source in sources or _default_sources(benchmark=benchmark)]
     tuning = [source for text in tune_on or () for source in ([text] if "#" in text else text.split(","))]
     settings = options.settings(set_, config, camera)
@@ -176,6 +223,8 @@ def ablate(
         tune_on=[options.source_with(source, *about) for source in tuning],
     )
     check_tuning(plan, tune_by)
+    if part:
+        plan = shard_of(plan, part, tune_by)
     if dry_run:
         _print_jobs(plan, out, keep_steps=keep_steps, json=json)
         return
@@ -183,7 +232,8 @@ def ablate(
         ablation = run_plan(
             plan,
             tune_by=tune_by,
-            jobs=jobs,
+            jobs=count,
+            cluster=where,
             out=out,
             resume=resume,
             overwrite=overwrite,
@@ -193,6 +243,52 @@ def ablate(
             fail_fast=fail_fast,
             progress=report,
         )
+    _end(ablation, plan, benchmark=benchmark and part is None, json=json)
+
+
+def _print_template(kind: str) -> None:
+    from omnieval.cluster import SLURM
+    from omnieval.errors import ConfigError
+
+    if kind != "slurm":
+        raise ConfigError(f"--cluster-template {kind!r}: there is one, slurm")
+    print(SLURM, end="")
+
+
+_BESIDES_FOLDERS = frozenset({"sources", "merge", "out", "overwrite", "csv", "rrd", "json", "preset"})
+"""What --merge takes; all else is in the folders."""
+
+
+def _refuse_besides_folders(context: typer.Context) -> None:
+    """Refuse options that say anew what the shards say."""
+    from omnieval.errors import ConfigError
+
+    defaults = {one.name: one.default for one in context.command.params}
+    asked = [
+        f"--{name.rstrip('_').replace('_', '-')}"
+        for name, value in context.params.items()
+        if name not in _BESIDES_FOLDERS and value not in (None, [], (), defaults[name])
+    ]
+    if asked:
+        raise ConfigError(f"--merge takes what the shards are of from their folders; leave {', '.join(asked)} out")
+
+
+def _merge(
+    folders: Sequence[str], out: Path | None, *, overwrite: bool, csv: bool, best: bool, benchmark: bool, json: bool
+) -> None:
+    from omnieval.ablation.merge import merge
+    from omnieval.cli.console import progress
+    from omnieval.errors import ConfigError
+
+    if not folders or out is None:
+        raise ConfigError("--merge needs the folders of all shards, and --out for the whole")
+    with progress("merging") as report:
+        ablation, plan = merge(folders, out, overwrite=overwrite, csv=csv, record_best=best, progress=report)
+    _end(ablation, plan, benchmark=benchmark, json=json)
+
+
+def _end(ablation: Ablation, plan: Plan, *, benchmark: bool, json: bool) -> None:
+    """Print what an ablation came to, and write its page if it is a benchmark."""
     _print(ablation, plan, json=json)
     if benchmark:
         _write_page(ablation)

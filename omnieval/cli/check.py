@@ -49,9 +49,7 @@ def check(
     stride: options.Stride = 1,
     limit: options.Limit = None,
     skip_bad: options.SkipBad = False,
-    jobs: Annotated[
-        int, typer.Option(min=1, help="Number of processes; the results are the same for any number.", metavar="N")
-    ] = 1,
+    jobs: options.Jobs = "1",
     junit: Annotated[Path | None, typer.Option(help="Also write JUnit XML.", metavar="FILE.xml")] = None,
     json: options.Json = False,
 ) -> None:
@@ -75,6 +73,9 @@ def check(
 
       omnieval check --reference mine.toml --junit check.xml
     """
+    from omnieval.processes import job_count
+
+    count = job_count(jobs)
     selection = _selection(set_, config, camera, preset, mapper, descriptor, start, stride, limit, skip_bad=skip_bad)
     from omnieval.errors import ConfigError
 
@@ -89,7 +90,7 @@ def check(
     if update:
         _update(reference, targets, selection, intervals=intervals, json=json)
     else:
-        _check(reference, targets, selection, jobs, junit, json=json)
+        _check(reference, targets, selection, count, junit, json=json)
 
 
 def _check(

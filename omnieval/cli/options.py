@@ -137,6 +137,13 @@ SkipBad = Annotated[
         "--skip-bad", help="Leave out images that are damaged or of a different size than most, and count them."
     ),
 ]
+Jobs = Annotated[
+    str,
+    typer.Option(
+        help="Number of processes, or auto: as many as processors allotted; the results are the same for any number.",
+        metavar="N|auto",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 NoMap = Annotated[
     bool,

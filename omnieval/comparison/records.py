@@ -115,6 +115,8 @@ def _ablation(folder: Path) -> tuple[pl.DataFrame, list[str]]:
         raise ResultError(f"cannot read {folder}: {error}; run it again") from error
     if "exact" in table.columns and table["exact"].null_count() < len(table):
         raise ResultError(f"{folder} has pieces of an interval, not runs; compare an ablation without --exact")
+    if manifest.get("shard"):
+        raise ResultError(f"{folder} is a shard of an ablation; merge all of them (omnieval ablate --merge)")
     if table.is_empty() or manifest.get("jobs") != len(table):  # which runs are missing is not known from the others
         raise ResultError(f"{folder} is not complete; continue with omnieval ablate --out {folder} --resume")
     return table, varied

@@ -81,13 +81,13 @@ A BMP that was overwritten somewhere in its middle is not found: see `omnieval.d
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from omnieval.cores import allotted
 from omnieval.datasets.card_findings import card_findings, path_length, size_findings
 from omnieval.datasets.findings import Finding, in_order
 from omnieval.datasets.image_findings import image_findings
@@ -190,7 +190,7 @@ def duration(frames: tuple[Frame, ...]) -> float | None:
 def _inspect_all(paths: list[Path], progress: Progress | None) -> Iterator[ImageReport]:
     """Inspect every image, in order; each thread holds one in memory."""
     done = 0
-    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(max_workers=allotted()) as pool:
         for start in range(0, len(paths), _BATCH):
             for report in pool.map(inspect_image, paths[start : start + _BATCH]):
                 done += 1

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from collections.abc import Sequence as Frames
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from omnieval.cores import allotted
 from omnieval.datasets.card_findings import size_findings
 from omnieval.datasets.findings import Finding
 from omnieval.datasets.image_findings import bits_of, image_findings
@@ -87,7 +87,7 @@ def without_bad(sequence: Sequence) -> tuple[Sequence, tuple[BadImage, ...]]:
         If no image is left.
     """
     asked = {frame.path: frame for frame in (*sequence.frames, *sequence.calibration)}
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(allotted()) as pool:
         bad = _bad_images(dict(zip(asked, pool.map(inspect_image, asked), strict=True)))
     frames = tuple(frame for frame in sequence.frames if frame.path not in bad)
     if not frames:

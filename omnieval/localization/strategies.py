@@ -6,7 +6,6 @@ Images are compared by the product of their position and orientation distances, 
 
 from __future__ import annotations
 
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnieval.components import Component
+from omnieval.cores import allotted
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import Distances
 from omnieval.errors import ConfigError
@@ -121,7 +121,7 @@ class _ByImages(Strategy):
 
     def __init__(self, map_: TopologicalMap, mapper: Component) -> None:
         super().__init__(map_, mapper)
-        self._images = ImageMemory(threads=os.cpu_count() or 1)
+        self._images = ImageMemory(threads=allotted())
         for block in blocks(map_.descriptions(), AHEAD):
             self._images.expect(block)
             for description in block:

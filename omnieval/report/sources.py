@@ -25,7 +25,6 @@ from omnieval.results.manifest import MANIFEST, kind_of, read_manifest, status_o
 from omnieval.results.run_folder import Run, method_of, open_run
 from omnieval.source_code import digest_of
 
-STEPS = "steps"
 """Where an ablation keeps decision traces."""
 
 GROUP = ("dataset", "source", "mapper", "descriptor")
@@ -335,17 +334,17 @@ def _kept_replays(folder: Path, manifest: Mapping[str, Any], table: pl.DataFrame
     grid = manifest["grid"]
     cuts = dict(zip(grid["sources"], grid["cuts"], strict=True))
     prints = manifest.get("dataset_fingerprints") or {}
-    recorded = _recorded(folder)
+    recorded, store = _recorded(folder), Store(folder)
     for row in best_rows(table).iter_rows(named=True):
         title = f"Best run of {folder.resolve().name}: {row['dataset']}, {row['descriptor']}, {row['mapper']}"
-        steps = folder / STEPS / f"{row['job']:05d}.parquet"
-        about = Store(folder).config(row["job"])
-        if about is None:
+        part = store.part(row["job"])
+        if part is None:
             continue
+        about, steps = part.config, store.steps(part)
         config = Config.of_run(about)
         if recorded is not None and recorded.source == row["source"] and recorded.config == config:
             yield replace(recorded, title=title)
-        elif steps.exists():
+        elif steps is not None:
             yield Replay(
                 title=title,
                 folder=folder,

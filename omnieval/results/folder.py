@@ -113,8 +113,10 @@ class ResultFolder:
                 self._lock.release()
                 self._lock = None
 
-    def begin(self, content: dict[str, Any]) -> None:
+    def begin(self, content: dict[str, Any], files: Iterable[str] = ()) -> None:
         """Remove what an earlier folder left and say that it is being written; there is a ``run.json`` at every moment.
+
+        `files` are names or patterns of more that is to go.
 
         Raises
         ------
@@ -129,7 +131,7 @@ class ResultFolder:
             write_json(self._earlier | replaced, self.path / MANIFEST)
             if self._resume:
                 began = {"started": self._earlier["started"], "resumed": _now()}
-        _remove(self.path, (*self._files, *inside))
+        _remove(self.path, (*self._files, *inside, *files))
         about = {"schema_version": SCHEMA_VERSION, "kind": self._kind, "status": "running", "process": this_process()}
         self.update({**about, "metrics": {}, **began, **content})
 

@@ -7,9 +7,10 @@ import polars as pl
 import pytest
 
 import omnieval
+from omnieval.ablation.driver import best_run
 from omnieval.ablation.grid import parse_axis
 from omnieval.ablation.plan import make_plan
-from omnieval.ablation.run import best_run, check_tuning, drawn, run_plan
+from omnieval.ablation.run import check_tuning, drawn, run_plan
 from omnieval.ablation.summary import best_and_median, over_replicates, tuned
 from omnieval.comparison.methods import compare_methods
 from omnieval.comparison.records import read_records

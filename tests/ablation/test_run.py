@@ -8,10 +8,11 @@ import polars as pl
 import pytest
 
 import omnieval
+from omnieval.ablation.driver import best_run
 from omnieval.ablation.grid import parse_axis
 from omnieval.ablation.jobs import describe
 from omnieval.ablation.plan import make_plan
-from omnieval.ablation.run import best_run, job_states, run_plan
+from omnieval.ablation.run import job_states, run_plan
 from omnieval.ablation.summary import best_and_median
 from omnieval.config import Setting
 from omnieval.datasets.cachedir import cache_dir
@@ -33,6 +34,11 @@ AXES = {"omega": "0.5:3.5:3", "merge_y": [0.5, 20, 1000]}
 def plan_of(panoramas, axes=("omega=0.5,3.5", "merge_y=0.5,20,1000"), **changes):
     settings = [Setting(name, value, "test") for name, value in {**BASE, **changes}.items()]
     return make_plan([panoramas], [parse_axis(axis) for axis in axes], settings)
+
+
+def part_of(folder, job):
+    (part,) = (folder / "parts").glob(f"{job:05d}-*.json")
+    return part
 
 
 def results(table):
@@ -92,7 +98,7 @@ def test_every_row_is_that_of_an_independent_replay(ablation, panoramas, tmp_pat
         assert {name: row[name] for name in METRICS} == run.metrics
         margin = run.manifest["smallest_margin"]
         assert (row["smallest_margin"], row["smallest_margin_frame"]) == (margin["value"], margin["frame"])
-        steps = pl.read_parquet(ablation.folder / "steps" / f"{row['job']:05d}.parquet")
+        steps = pl.read_parquet(ablation.folder / "steps" / f"{part_of(ablation.folder, row['job']).stem}.parquet")
         assert steps.drop("milliseconds").equals(run.steps.drop("milliseconds"))
 
 
@@ -154,7 +160,7 @@ def test_ctrl_c_ends_processes_too(panoramas, tmp_path):
 
 def test_a_damaged_part_is_run_again(ablation, panoramas, tmp_path):
     first = run_plan(plan_of(panoramas), out=tmp_path / "out")
-    (first.folder / "parts" / "00003.json").write_text('{"job": 3, "nod')
+    part_of(first.folder, 3).write_text('{"job": 3, "nod')
     states = [state for _, state in job_states(plan_of(panoramas), first.folder, keep_steps=False)]
     assert states == ["done"] * 3 + ["not started"] + ["done"] * 2
     assert results(run_plan(plan_of(panoramas), out=first.folder, resume=True).table).equals(results(ablation.table))
@@ -180,7 +186,7 @@ def test_a_finished_sweep_is_not_lost_with_what_stands_beside_it(
 ):
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("omnieval.ablation.run.batch_silhouettes", batch)
+        patch.setattr("omnieval.ablation.driver.batch_silhouettes", batch)
         lacking = run_plan(plan_of(panoramas), out=out, jobs=jobs, csv=True)
     assert lacking.lacking == reason
     assert lacking.table["batch_silhouette"].null_count() == 6
@@ -199,7 +205,7 @@ def test_the_table_is_there_before_what_stands_beside_it(panoramas, tmp_path, mo
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("omnieval.ablation.run._Work.with_batch", interrupt)
+    monkeypatch.setattr("omnieval.ablation.driver.Work.with_batch", interrupt)
     with pytest.raises(KeyboardInterrupt):
         run_plan(plan_of(panoramas), out=tmp_path / "out")
     assert read_manifest(tmp_path / "out", "ablation")["status"] == "interrupted"
@@ -259,7 +265,7 @@ def test_nothing_is_replaced_unasked(small, panoramas):
     with pytest.raises(ResultError, match="--overwrite"):
         run_plan(plan, out=small)
     assert len(run_plan(plan, out=small, overwrite=True).table) == 1
-    assert [path.name for path in (small / "parts").iterdir()] == ["00000.json"]
+    assert [path.name[:6] for path in (small / "parts").iterdir()] == ["00000-"]
     with pytest.raises(ConfigError, match="--resume"):
         run_plan(plan, resume=True)
     with pytest.raises(ConfigError, match="--jobs"):
@@ -276,7 +282,8 @@ def test_an_ablation_written_anew_has_no_best_run_or_report_of_before(small, pan
     (small / "descriptors" / "0" / "position.npy").write_bytes(b"of a killed one")
     run_plan(plan, out=small, overwrite=True)
     left = sorted(path.relative_to(small).as_posix() for path in small.rglob("*") if path.is_file())
-    assert left == ["ablation.parquet", "best/notes.txt", "parts/00000.json", "run.json"]
+    part = part_of(small, 0).relative_to(small).as_posix()
+    assert left == ["ablation.parquet", "best/notes.txt", part, "run.json"]
 
 
 def test_descriptors_of_an_archive_are_those_of_no_component(panoramas, tmp_path):

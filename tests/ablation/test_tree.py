@@ -8,8 +8,9 @@ import pytest
 
 import omnieval
 from omnieval.ablation.grid import parse_axis, parse_span
+from omnieval.ablation.jobs import dataset_key
 from omnieval.ablation.plan import make_plan
-from omnieval.ablation.run import dataset_key, job_states, run_plan
+from omnieval.ablation.run import job_states, run_plan
 from omnieval.ablation.summary import pieces
 from omnieval.ablation.tree import LARGEST, plant
 from omnieval.config import Setting

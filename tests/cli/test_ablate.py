@@ -30,10 +30,10 @@ def test_a_failing_job_is_a_row_and_exit_code_5(panoramas, tmp_path):
     # A folder where a decision trace should go makes its job fail, and no other.
     arguments = ("ablate", panoramas, *SMALL, "--vary", "omega=2.5,3.5", "--keep-steps", "--out", "out")
     assert in_process(*arguments, cwd=tmp_path).returncode == 0
-    trace = tmp_path / "out" / "steps" / "00001.parquet"
+    (trace,) = (tmp_path / "out" / "steps").glob("00001-*.parquet")
     trace.unlink()
     trace.mkdir()
-    (tmp_path / "out" / "parts" / "00001.json").unlink()
+    (tmp_path / "out" / "parts" / f"{trace.stem}.json").unlink()
     failed = in_process(*arguments, "--resume", cwd=tmp_path)
     assert failed.returncode == 5
     assert "1 of 2 jobs failed" in failed.stderr

@@ -35,6 +35,7 @@ NOT_RUN = {
     "omnieval dataset fetch": "needs the network; tests/datasets/test_fetch.py has it",
     "omnieval ablate --preset benchmark": "renders fifteen sequences; tests/comparison/test_page.py has it",
     "omnieval ablate synthetic:cloudy:2": "renders two sequences; tests/comparison/test_page.py has it",
+    "omnieval ablate --cluster ": "starts workers; tests/ablation/test_cluster.py has it",
     "omnieval doctor": "takes many seconds; tests/cli/test_doctor.py has it",
     "from omnieval.recording.notebook import show": "needs a notebook; tests/recording/test_notebook.py has it",
     "from omnieval.recording.notebook import progress": "needs a notebook; tests/recording/test_notebook.py has it",

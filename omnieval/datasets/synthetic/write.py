@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
+from omnieval.cores import allotted
 from omnieval.datasets.cachedir import cache_dir, hold_for_good, synthetic_folder
 from omnieval.datasets.synthetic.facts import HIGHEST_BUILDING, LIGHTS, RENDERER_VERSION, Rendered
 from omnieval.errors import DatasetError
@@ -67,7 +67,7 @@ def synthesize(
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
             draft = Path(scratch) / "sequence"
-            _write_sequence(draft, Rendered(light, building), frames, seed, workers or os.cpu_count() or 1, progress)
+            _write_sequence(draft, Rendered(light, building), frames, seed, workers or allotted(), progress)
             draft.replace(folder)
     except OSError as error:
         raise DatasetError(f"cannot write a synthetic sequence to {folder}: {error.strerror or error}") from error
