@@ -23,6 +23,7 @@ from functools import cache
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft
 
 from omnieval.descriptors.alignment import as_query, spectrum
 from omnieval.descriptors.description import Description
@@ -95,15 +96,15 @@ class Sketch:
         self.means[place] = transformed[0, :bins] / math.sqrt(len(exact))
         self.squares[:, place] = np.square(self.positions[place]).sum(), np.square(exact).sum()
 
-    def description(self, place: int) -> Description:
-        """Return the image at a place."""
-        return Description(self.positions[place].astype(np.float32), self.orientations[place])
-
     def exact(self) -> Tile:
         """Return the same images in double precision."""
         tile = Tile.empty(self.positions.shape[1], *self.orientations[0].shape)
-        for place in range(len(self.orientations)):
-            tile.put(place, self.description(place))
+        there = len(self.orientations)
+        tile.positions[:], tile.squares[:] = self.positions, self.squares
+        tile.orientations[:there] = np.stack(self.orientations)
+        transformed = rfft(tile.orientations[:there].astype(np.float64), axis=1).transpose(1, 2, 0)
+        bins = transformed.shape[1]
+        tile.spectra[:, :bins, :there], tile.spectra[:, bins:, :there] = transformed.real, transformed.imag
         return tile
 
 
