@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import WORTH_A_THREAD, Distances
-from omnieval.descriptors.screening import Batch, Sketch, between
+from omnieval.descriptors.screening import Batch, Sketch, between, correlated
 from omnieval.descriptors.tiles import TILE, TOGETHER, Group, Tile, position_distances
 
 T = TypeVar("T")
@@ -99,6 +99,17 @@ class ScreenedStore:
         if len(missing):
             self._fill(screened, place, missing.tolist())
         return screened.bounds(place, others, self._squares)
+
+    def narrow(self, query: int, others: NDArray[np.int64]) -> Bounds:
+        """Bound the distances of an image from a few others within rounding of double precision, shape (m,)."""
+        screened = self._screened_for(query)
+        sketch, there = self._place_of(query)
+        places = [self._place_of(number) for number in others.tolist()]
+        largest = correlated(
+            sketch.orientations[there], np.stack([other.orientations[place] for other, place in places])
+        )
+        screened.narrow(screened.places[query], others, largest)
+        return screened.bounds(screened.places[query], others, self._squares)
 
     def position_distances(self, query: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return Euclidean distances of position descriptors, shape (m,)."""
@@ -252,6 +263,10 @@ class _Screened:
         self.least[rows, place] = np.maximum(least, exact - off, where=known, out=least)
         self.most[rows, place] = np.minimum(most, exact + off, where=known, out=most)
         self.known[rows, tile] = True
+
+    def narrow(self, place: int, others: NDArray[np.int64], largest: NDArray[np.float64]) -> None:
+        """Take in correlations of an image of the batch and others that are rounded in double precision only."""
+        self.least[place, others] = self.most[place, others] = largest
 
     def bounds(self, place: int, others: NDArray[np.int64], squares: NDArray[np.float64]) -> Bounds:
         """Return what is known of an image of the batch and others, whose squared norms are given."""

@@ -23,7 +23,7 @@ from functools import cache
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import rfft
+from scipy.fft import irfft, rfft
 
 from omnieval.descriptors.alignment import as_query, spectrum
 from omnieval.descriptors.description import Description
@@ -198,6 +198,17 @@ class Batch:
 
 def _representable(sizes: NDArray[np.float64]) -> NDArray[np.bool_]:
     return (sizes > _TINY) & (sizes < _HUGE)
+
+
+def correlated(query: NDArray[np.float32], others: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the largest correlation of an orientation descriptor, (cells, bins), with others, shape (m, cells, bins).
+
+    In double precision, but not to the bit what tiles say.
+    """
+    spectra = rfft(others.astype(np.float64), axis=1)
+    crossed = (rfft(query.astype(np.float64), axis=0).conj() * spectra).sum(axis=2)
+    largest: NDArray[np.float64] = irfft(crossed, len(query), axis=1).max(axis=1)
+    return largest
 
 
 @cache

@@ -110,6 +110,11 @@ class ImageMemory:
         assert isinstance(self._store, ScreenedStore)
         return self._store.glance(frame, frames)
 
+    def narrow(self, frame: int, frames: NDArray[np.int64]) -> Bounds:
+        """Bound the distances of an image from a few others narrowly, shape (m,); only where it is screened."""
+        assert isinstance(self._store, ScreenedStore)
+        return self._store.narrow(frame, frames)
+
     def foresee(self, frame: int, frames: NDArray[np.int64]) -> None:
         """Say with which others an image that was expected will be screened; see `ScreenedStore.foresee`."""
         assert isinstance(self._store, ScreenedStore)

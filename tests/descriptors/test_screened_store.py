@@ -46,6 +46,9 @@ def test_distances_are_within_their_bounds_which_are_close(cells, bins, scale):
     assert (glance.position_low <= found.position).all()
     assert (glance.orientation_low <= bounds.orientation_low).all()
     assert (bounds.orientation_high <= glance.orientation_high).all()
+    narrow = screened.narrow(39, others)
+    assert (narrow.orientation_low <= found.orientation).all()
+    assert (found.orientation <= narrow.orientation_high).all()
     for distances, low, high in (
         (found.position, bounds.position_low, bounds.position_high),
         (found.orientation, bounds.orientation_low, bounds.orientation_high),

@@ -31,6 +31,8 @@ _SUMMING = 1e-9
 """Relative: more than sums of prominences are."""
 _FIRST_TILES = 8
 """Tiles to look for the best image in first; then ever more at once."""
+_FEW = 2_000
+"""Candidates of which all may be looked at once more, in double precision, where the bounds leave a decision open."""
 _LESS = 0.7
 """What a decision begins with, of what the last one took."""
 
@@ -111,6 +113,9 @@ def screened_match(
             break
         share = 2.0 * share
     effort.note(min(share, 1.0))
+    if prominent is None and len(layout.frames) <= _FEW:
+        curve.narrow()
+        prominent = _prominent(curve.similarity, layout.slots, layout.total, curve.height, settings)
     return None if prominent is None else (match, prominent)
 
 
@@ -167,6 +172,13 @@ class _Curve:
             unknown = np.bincount(self._tile_of, self.similarity.high - self.similarity.low, len(self._screened))
             left = np.flatnonzero(~self._screened)
             self._screen(left[np.argsort(-unknown[left], kind="stable")[:wanted]])
+
+    def narrow(self) -> None:
+        """Bound all similarities within rounding, but those that are known better."""
+        found = _similarities(self._images.narrow(self._frame, self._layout.frames))
+        new = np.ones(len(found.low), np.bool_)
+        new[self._exact] = False
+        self.similarity.low[new], self.similarity.high[new] = found.low[new], found.high[new]
 
     def _screen(self, tiles: NDArray[np.int64]) -> None:
         self._screened[tiles] = True
