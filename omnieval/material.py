@@ -622,7 +622,7 @@ def _undescribed(frames: Iterable[Frame]) -> Iterator[DescribedFrame]:
 
 
 def _of_archive(file: Path, cut: Cut) -> Material:
-    archive = load_archive(file)
+    archive = load_archive(file, may_map=True)
     chosen = range(len(archive.frames))[cut.start :: cut.stride][: cut.limit]
     if not chosen:
         raise DatasetError(

@@ -4,8 +4,8 @@ Arrays, n images: `position` (n, d) and `orientation` (n, cells, bins), floating
 optional `xy` (n, 2) metres and `yaw` (n,) radians (NaN where unknown), `room` or `rooms` (n,) text (empty where
 unknown), `time_ns` (n,) int64. Nothing in an archive is ever executed: pickled objects are refused.
 
-Orientation descriptors, nearly all of an archive, stay in the file where they are stored as they are used (single
-precision, not compressed), and are mapped into memory.
+Of a long sequence that is mapped, orientation descriptors, nearly all of an archive, stay in the file where they are
+stored as they are used (single precision, not compressed): the file is mapped into memory.
 """
 
 from __future__ import annotations
@@ -57,6 +57,8 @@ _UNREADABLE = (
     lzma.LZMAError,
 )
 """What `zipfile` and `numpy` raise, according to where a file is damaged."""
+WORTH_MAPPING = 1 << 28
+"""Bytes from which an array may stay in its file: who writes to a mapped file ends the process that reads it."""
 _CHUNK = 1 << 22
 """Bytes to check at once."""
 _LOCAL = struct.Struct("<26xHH")
@@ -116,15 +118,22 @@ def save_archive(
                 np.lib.format.write_array(stream, np.ascontiguousarray(array), allow_pickle=False)
 
 
-def load_archive(file: Path) -> Archive:
+def load_archive(file: Path, *, may_map: bool = False) -> Archive:
     """Read an archive, checking every array's shape, type and values.
+
+    Parameters
+    ----------
+    file
+        The archive.
+    may_map
+        Whether orientation descriptors may stay in a large file, which must then not be written to.
 
     Raises
     ------
     DatasetError
         One line that says which array is wrong and how.
     """
-    arrays, mapped = _read_arrays(file)
+    arrays, mapped = _read_arrays(file, may_map=may_map)
     position = _finite(file, arrays, "position", shape=(None, None))
     count = len(position)
     orientation = _finite(file, arrays, "orientation", shape=(count, None, None))
@@ -148,7 +157,7 @@ def load_archive(file: Path) -> Archive:
     return archive
 
 
-def _read_arrays(file: Path) -> tuple[dict[str, NDArray[Any]], mmap.mmap | None]:
+def _read_arrays(file: Path, *, may_map: bool) -> tuple[dict[str, NDArray[Any]], mmap.mmap | None]:
     """Return the arrays that mean something to us, and the file if one of them is mapped.
 
     Whatever else is in the archive is not even read.
@@ -171,7 +180,7 @@ def _read_arrays(file: Path) -> tuple[dict[str, NDArray[Any]], mmap.mmap | None]
                 )
             arrays = {name: _read_array(archive, one) for one, name in spelt.items() if name != "orientation"}
             (orientation,) = (one for one, name in spelt.items() if name == "orientation")
-            found = _mapped(file, archive, f"{orientation}.npy")
+            found = _mapped(file, archive, f"{orientation}.npy") if may_map else None
             arrays["orientation"], mapped = found or (_read_array(archive, orientation), None)
             return arrays, mapped
     except _UNREADABLE as error:
@@ -180,9 +189,9 @@ def _read_arrays(file: Path) -> tuple[dict[str, NDArray[Any]], mmap.mmap | None]
 
 
 def _mapped(file: Path, archive: zipfile.ZipFile, name: str) -> tuple[NDArray[np.float32], mmap.mmap] | None:
-    """Return an array that stays in its file, with that file; None if it is stored in another way."""
+    """Return an array that stays in its file, with that file; None if it is small or stored in another way."""
     told = archive.getinfo(name)
-    if told.compress_type != zipfile.ZIP_STORED:
+    if told.compress_type != zipfile.ZIP_STORED or told.file_size < WORTH_MAPPING:
         return None
     with archive.open(name) as stream:
         version = np.lib.format.read_magic(stream)

@@ -1,4 +1,4 @@
-"""Orientation descriptors stay in the archive, where they are stored as they are used."""
+"""Orientation descriptors stay in a large archive, where they are stored as they are used."""
 
 import zipfile
 
@@ -13,6 +13,19 @@ RNG = np.random.default_rng(0)
 POSITION, ORIENTATION = RNG.random((5, 3), np.float32), RNG.random((5, 8, 2), np.float32)
 
 
+@pytest.fixture(autouse=True)
+def _small_is_large(monkeypatch):
+    monkeypatch.setattr("omnieval.descriptors.archive.WORTH_MAPPING", 1)
+
+
+def test_nothing_is_mapped_unless_that_is_allowed_and_worth_it(archive, monkeypatch):
+    seen = load_archive(archive)
+    assert seen.mapped is None
+    save_archive(archive, seen.frames, seen.position, seen.orientation)  # onto itself
+    monkeypatch.undo()
+    assert load_archive(archive, may_map=True).mapped is None
+
+
 @pytest.fixture
 def archive(tmp_path):
     frames = [Frame(tmp_path, f"{number}.png") for number in range(5)]
@@ -21,7 +34,7 @@ def archive(tmp_path):
 
 
 def test_what_is_mapped_is_what_was_saved_and_stays_so_when_it_is_released(archive):
-    loaded = load_archive(archive)
+    loaded = load_archive(archive, may_map=True)
     assert loaded.mapped is not None
     assert not loaded.orientation.flags.writeable
     for _ in range(2):
@@ -41,7 +54,7 @@ def test_what_is_mapped_is_what_was_saved_and_stays_so_when_it_is_released(archi
 )
 def test_what_is_stored_in_another_way_is_read(saved, tmp_path):
     saved(tmp_path / "a.npz")
-    loaded = load_archive(tmp_path / "a.npz")
+    loaded = load_archive(tmp_path / "a.npz", may_map=True)
     assert loaded.mapped is None
     np.testing.assert_array_equal(loaded.orientation, ORIENTATION)
 
@@ -53,7 +66,7 @@ def test_damage_is_noticed_though_nothing_is_copied(archive):
     data[offset + 300] ^= 1
     archive.write_bytes(data)
     with pytest.raises(DatasetError, match=r"cannot read descriptors .*a.npz: Bad CRC"):
-        load_archive(archive)
+        load_archive(archive, may_map=True)
 
 
 def test_values_that_are_not_finite_are_found_in_it(tmp_path):
@@ -61,4 +74,4 @@ def test_values_that_are_not_finite_are_found_in_it(tmp_path):
     broken[3, 1, 0] = np.nan
     np.savez(tmp_path / "a.npz", position=POSITION, orientation=broken)
     with pytest.raises(DatasetError, match="'orientation' has NaN or infinite values, first in image 3"):
-        load_archive(tmp_path / "a.npz")
+        load_archive(tmp_path / "a.npz", may_map=True)
