@@ -169,6 +169,10 @@ class ClusterExecutor(Executor):
         answers: dict[str, Any] = self._client.run(_asked(function, args), on_error="return")
         return {worker: _word(answer) for worker, answer in answers.items()}
 
+    def killed(self, error: BaseException | None) -> bool:
+        """Whether an error says that the workers died which had a job."""
+        return isinstance(error, import_module("distributed").KilledWorker)
+
     def check(self) -> None:
         """See that somebody is there to work.
 

@@ -78,6 +78,11 @@ class Crew:
                 self._look()
             yield from done
 
+    def killed(self, future: Future[Any]) -> bool:
+        """Whether a job has ended with the workers that had it, perhaps through another that they had too."""
+        del future
+        return False
+
     def _look(self) -> None:
         """See that somebody is still there."""
 
@@ -133,6 +138,10 @@ class ClusterCrew(Crew):
         return self._workers.submit(
             grow_elsewhere, jobs, self._given(images), place, traced, self._expected, self._components
         )
+
+    def killed(self, future: Future[Any]) -> bool:
+        """See `Crew`."""
+        return not future.cancelled() and self._workers.killed(future.exception())
 
     def _look(self) -> None:
         self._workers.check()

@@ -123,16 +123,15 @@ class Work:
         def in_map(job: Job) -> Described | None:
             return described[dataset_key(job, of_map=True)] if job.input.in_map else None
 
-        trees = plant(waiting, [dataset_key(job) for job in waiting], crew.count)
-        futures = {
-            crew.grow(
-                list(map(_sent, tree)), described[dataset_key(tree[0])], in_map(tree[0]), self._steps_files(tree)
-            ): tree
-            for tree in trees
-        }
+        def grown(tree: Sequence[Job]) -> Future[Grown]:
+            jobs, images = list(map(_sent, tree)), described[dataset_key(tree[0])]
+            return crew.grow(jobs, images, in_map(tree[0]), self._steps_files(tree))
+
         ended = len(self.plan.jobs) - len(waiting)
-        for future in crew.completed(futures):
-            for job, rows in self._by_job(futures[future], future):
+
+        def keep(tree: Sequence[Job], future: Future[Grown]) -> None:
+            nonlocal ended
+            for job, rows in self._by_job(tree, future):
                 part = Part(job.number, job.key, job.about, rows)
                 self.store.add(part)
                 if part.error and self.fail_fast:
@@ -141,6 +140,19 @@ class Work:
                 ended += 1
                 if self.progress:
                     self.progress(ended, len(self.plan.jobs))
+
+        trees = plant(waiting, [dataset_key(job) for job in waiting], crew.count)
+        futures = {grown(tree): tree for tree in trees}
+        suspects: list[Sequence[Job]] = []
+        for future in crew.completed(futures):
+            if crew.killed(future):
+                suspects.append(futures[future])
+            else:
+                keep(futures[future], future)
+        # Whoever killed a worker, all that it had been given is blamed; what kills one when it is alone is to blame.
+        for tree in suspects:
+            for future in crew.completed([grown(tree)]):
+                keep(tree, future)
 
     def with_batch(
         self, crew: Crew, described: Mapping[str, Described], rows: Sequence[dict[str, Any]]

@@ -50,6 +50,7 @@ class MapWriter:
         self._positions: list[NDArray[np.float32]] = []
         self._shape: tuple[int, ...] = ()
         self._orientations: IO[bytes] | None = None
+        self._error: OSError | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -62,22 +63,18 @@ class MapWriter:
                 self._orientations.close()
 
     def add(self, description: Description) -> None:
-        """Add the next image.
-
-        Raises
-        ------
-        ResultError
-            If it cannot be kept.
-        """
+        """Add the next image; if it cannot be kept, that is said at the end, so that no step is lost to it."""
         orientation = np.ascontiguousarray(description.orientation, np.float32)
+        self._positions.append(np.asarray(description.position, np.float32))
+        if self._error is not None:
+            return
         try:
             if self._orientations is None:
                 self._orientations = tempfile.TemporaryFile(dir=self._folder)  # noqa: SIM115
                 self._shape = orientation.shape
             self._orientations.write(orientation.data)
         except OSError as error:
-            raise _unwritten(self._folder / MAP_FILE, error) from error
-        self._positions.append(np.asarray(description.position, np.float32))
+            self._error = error
 
     def finish(self, final: FinalMap, steps: pl.DataFrame, about: dict[str, Any]) -> None:
         """Write the map.
@@ -100,6 +97,8 @@ class MapWriter:
         arrays: dict[str, NDArray[Any] | StreamedArray]
         arrays = {"orientations": orientations, **_arrays(final, steps, np.stack(self._positions))}
         try:
+            if self._error is not None:
+                raise self._error
             digest = digest_of(arrays)
         except OSError as error:
             raise _unwritten(self._folder / MAP_FILE, error) from error
