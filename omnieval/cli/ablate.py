@@ -177,6 +177,8 @@ def ablate(
 
       omnieval ablate --vary n_new=10:50:10 --shard 1/2 --out runs/half-1
 
+      omnieval ablate --vary n_new=10:50:10 --shard 2/2 --out runs/half-2
+
       omnieval ablate --merge runs/half-1 runs/half-2 --out runs/whole
     """
     from omnieval.ablation.grid import parse_span
