@@ -79,8 +79,8 @@ def on_the_ground(places: NDArray[np.float64], turns: NDArray[np.float64], *, of
     axis = _axis_of_turns(turns[known])
     if axis == 0:
         raise ValueError(
-            "the rotations are about x, which is up nowhere; is w first in the quaternion, or is it of another order? "
-            "Name its columns qx, qy, qz, qw in a heading"
+            "the rotations are about x, which points up in no usual frame; is w first in the quaternion, or is the "
+            "order another one? Name its columns qx, qy, qz, qw in a heading"
         )
     up = axis if axis is not None else _usual_up(places, of_a_camera=of_a_camera)
     body = _upright_axis(turns[known], up)

@@ -177,7 +177,7 @@ MISTAKES = {
     ),
     "a quaternion with w first": (
         lines(DRIVE.seconds, X, Y, 0 * X, *np.roll(DRIVE.quaternions, 1, axis=1).T),
-        "error poses.txt: the rotations are about x, which is up nowhere; is w first in the quaternion",
+        "error poses.txt: the rotations are about x, which points up in no usual frame; is w first in the quaternion",
     ),
     "rotation before position": (
         lines(DRIVE.seconds, *DRIVE.quaternions.T, X, Y, 0 * X),
