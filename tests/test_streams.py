@@ -131,9 +131,9 @@ def test_a_run_whose_video_was_replaced_is_not_opened(video, images, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("synthetic", "--topic", "/image"), "--topic is for bags, and synthetic is none"),
-        (("tour.mp4", "--pose-topic", "/tf"), "--pose-topic is for bags, and tour.mp4 is none"),
-        (("folder:.", "--decode-every", "2"), "--decode-every is for videos and bags, and folder:. is none"),
+        (("synthetic", "--topic", "/image"), "--topic is only for bags, and synthetic is something else"),
+        (("tour.mp4", "--pose-topic", "/tf"), "--pose-topic is only for bags, and tour.mp4 is something else"),
+        (("folder:.", "--decode-every", "2"), "--decode-every is only for videos and bags, and folder:. is"),
         (("tour.mp4",), "tour.mp4: no such file"),
     ],
 )

@@ -82,6 +82,7 @@ class DescriptorCache:
         self._shelves: dict[str, Shelf] = {}
         self._notes = Notes(note_folder(self.folder))
         self._pending = 0
+        self._closed = False
         self._lock = threading.RLock()
 
     def __enter__(self) -> Self:
@@ -99,14 +100,14 @@ class DescriptorCache:
         except OSError:
             return None  # whoever reads the image will say what is wrong with it
         with self._lock:
-            kept = self._shelf(key).of_file(*_told(file, state))
+            kept = None if self._closed else self._shelf(key).of_file(*_told(file, state))
             self.hits += kept is not None
         return _described(kept)
 
     def find(self, digest: str, key: str) -> DescribedFrame | None:
         """Return the description of the image whose bytes have this digest, whatever its file; None if not known."""
         with self._lock:
-            kept = self._shelf(key).of_image(bytes.fromhex(digest))
+            kept = None if self._closed else self._shelf(key).of_image(bytes.fromhex(digest))
         return _described(kept)
 
     def store(self, file: Path, state: str, key: str, described: DescribedFrame) -> DescribedFrame:
@@ -126,7 +127,7 @@ class DescriptorCache:
         with self._lock:
             self.hits += described.place is not None
             self.misses += described.place is None
-            if self.note is not None:
+            if self.note is not None or self._closed:
                 return described
             shelf, image = self._shelf(key), bytes.fromhex(described.digest)
             at = *_told(file, state), image
@@ -159,9 +160,10 @@ class DescriptorCache:
                 self._write(shelf.flush)
 
     def close(self) -> None:
-        """Write what is pending and close all files."""
+        """Write what is pending and close all files; a thread that still looks ahead finds nothing from then on."""
         with self._lock:
             self.save()
+            self._closed = True
             for shelf in self._shelves.values():
                 shelf.close()
 
