@@ -185,6 +185,7 @@ class ScreenedStore:
         wanted[place] = True
         # Most tiles are of the same few nodes, and so wanted by the same images.
         patterns, pattern_of = np.unique(wanted[:, tiles], axis=1, return_inverse=True)
+        pattern_of = pattern_of.ravel()  # NumPy 2.0.0 returns a row
         rows = [np.flatnonzero(pattern) for pattern in patterns.T]
         batches = [screened.batch.only(some) for some in rows]
 
