@@ -144,6 +144,6 @@ def test_what_cannot_be_perturbed_or_judged_is_refused(panoramas):
     with pytest.raises(ConfigError, match="on which to judge"):
         make_plan([panoramas], [], tune_on=[panoramas])
     plan = dataclasses.replace(make_plan([panoramas], []), tuned_on=("folder:/a",))
-    for metric, words in (("pair_f2", "did you mean pair_f1"), ("nodes", "neither way")):
+    for metric, words in (("pair_f2", "did you mean pair_f1"), ("nodes", "no better direction")):
         with pytest.raises(ConfigError, match=words):
             check_tuning(plan, metric)

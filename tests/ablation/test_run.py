@@ -186,7 +186,7 @@ def test_a_finished_sweep_is_not_lost_with_what_stands_beside_it(
 ):
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("omnieval.ablation.driver.batch_silhouettes", batch)
+        patch.setattr("omnieval.ablation.crew.batch_silhouettes", batch)
         lacking = run_plan(plan_of(panoramas), out=out, jobs=jobs, csv=True)
     assert lacking.lacking == reason
     assert lacking.table["batch_silhouette"].null_count() == 6
