@@ -179,7 +179,7 @@ def ablate(
 
       omnieval ablate --vary n_new=10:50:10 --shard 2/2 --out runs/half-2
 
-      omnieval ablate --merge runs/half-1 runs/half-2 --out runs/whole
+      omnieval ablate --merge runs/half-1 runs/half-2 --out runs/halves
     """
     from omnieval.ablation.grid import parse_span
     from omnieval.ablation.run import check_options, check_tuning, drawn, run_plan
