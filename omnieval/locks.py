@@ -1,7 +1,8 @@
 """Locks between processes: on a folder or file itself where the system can do that, else on a file beside it.
 
-A lock is held until it is released or its process ends, however it ends, so that none stays behind. Only this file
-imports fcntl, which Windows does not have, and filelock, which stands in for it there.
+A lock is held until it is released or its process ends, however it ends, so that none stays behind. Where
+there is no fcntl, as on Windows, filelock stands in for it. Shared locks, which only prevent pruning, are those of
+`datasets.cachedir`.
 """
 
 from __future__ import annotations

@@ -8,17 +8,7 @@ import typer
 
 from omnieval.cli import options
 
-app = typer.Typer(
-    help="What the cache folder holds; removing old parts.",
-    invoke_without_command=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-@app.callback()
-def _root(ctx: typer.Context) -> None:
-    if ctx.invoked_subcommand is None:
-        typer.echo(ctx.get_help())
+app = options.group("What the cache folder holds; removing old parts.")
 
 
 @app.command("info", short_help="Show what is kept, by kind.")

@@ -17,17 +17,7 @@ if TYPE_CHECKING:
     from omnieval.datasets.findings import Finding
     from omnieval.imaging.settings import ImagingConfig
 
-app = typer.Typer(
-    help="Cards, downloads, checks, the synthetic building.",
-    invoke_without_command=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-@app.callback()
-def _root(ctx: typer.Context) -> None:
-    if ctx.invoked_subcommand is None:
-        typer.echo(ctx.get_help())
+app = options.group("Cards, downloads, checks, the synthetic building.")
 
 
 Card = Annotated[str, typer.Argument(help="Name of a data card; see: omnieval dataset list.", metavar="CARD")]

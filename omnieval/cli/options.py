@@ -14,6 +14,18 @@ if TYPE_CHECKING:
     from omnieval.recording import RecordingOptions
 
 
+def group(help_: str) -> typer.Typer:
+    """Return a command with commands of its own, which shows its help when none of them is named."""
+    app = typer.Typer(help=help_, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+
+    @app.callback()
+    def _root(ctx: typer.Context) -> None:
+        if ctx.invoked_subcommand is None:
+            typer.echo(ctx.get_help())
+
+    return app
+
+
 def _mappers(incomplete: str) -> list[str]:
     """Return the names of mappers that begin so, for completion in a shell."""
     from omnieval.components import known

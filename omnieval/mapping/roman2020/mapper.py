@@ -355,9 +355,8 @@ class Roman2020(BranchingMapper):
         examination: _Examination | None,
     ) -> Step:
         match = examination.match if examination else None
-        if self.images.screening:
-            return self._decision(frame, verdict, node, run, journal, match)
-        assert not isinstance(match, ScreenedMatch)  # which are of screened images only
+        # What screened images were decided by is not known.
+        full = None if self.images.screening or isinstance(match, ScreenedMatch) else match
         return Step(
             frame=frame,
             verdict=verdict.value,
@@ -365,29 +364,9 @@ class Roman2020(BranchingMapper):
             node=node,
             match=Match(match.best_frame, match.node, match.shift) if match else None,
             events=tuple(journal.events),
-            comparisons=tuple(journal.comparisons),
-            measured=_measured(examination, journal, run),
-            curves=_curves(match, self.settings.gamma) if match else None,
-        )
-
-    def _decision(
-        self,
-        frame: int,
-        verdict: Verdict,
-        node: int | None,
-        run: int,
-        journal: Journal,
-        match: ImageMatch | ScreenedMatch | None,
-    ) -> Step:
-        """Report a decision without what it was made by."""
-        return Step(
-            frame=frame,
-            verdict=verdict.value,
-            role=ROLES[verdict],
-            node=node,
-            match=Match(match.best_frame, match.node, match.shift) if match else None,
-            events=tuple(journal.events),
-            measured={"run": run},
+            comparisons=() if self.images.screening else tuple(journal.comparisons),
+            measured={"run": run} if self.images.screening else _measured(examination, journal, run),
+            curves=_curves(full, self.settings.gamma) if full else None,
         )
 
 
