@@ -17,7 +17,7 @@ from typing import Any
 from typer.main import get_command
 
 from omnieval.cli import app, main
-from omnieval.components import BUILT_IN, find_class
+from omnieval.components.names import BUILT_IN, find_class
 from omnieval.mapping.interface import Method
 from omnieval.metrics.catalogue import CATALOGUE
 

@@ -23,7 +23,9 @@ from omnieval.baselines.methods import METHODS, Images, Method
 from omnieval.baselines.similarity import SIMILARITIES, Similarity, default_similarity, is_sparse, too_many
 from omnieval.config import Config, as_config, resolve
 from omnieval.errors import ConfigError
-from omnieval.material import Cut, Material, Source, opened, with_poses
+from omnieval.material.material import Material
+from omnieval.material.opening import opened
+from omnieval.material.source import Cut, Source, with_poses
 from omnieval.metrics.evaluation import evaluate
 from omnieval.metrics.ground import Ground
 from omnieval.metrics.quality import Making

@@ -19,7 +19,9 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from omnieval.components import BUILT_IN, Component, Kind, find_class, known, name_of, resolve_component, settings_model
+from omnieval.components.component import Component, resolve_component
+from omnieval.components.names import BUILT_IN, Kind, find_class, known, name_of
+from omnieval.components.settings import settings_model
 from omnieval.datasets.cards import parse_camera
 from omnieval.datasets.scan import read_text
 from omnieval.errors import ConfigError, DatasetError

@@ -18,7 +18,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.config import Config, as_config
 from omnieval.cores import allotted
 from omnieval.datasets.sequence import Frame
@@ -29,7 +29,10 @@ from omnieval.mapping.interface import BranchingMapper, Mapper, Method
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.partition import Partition
 from omnieval.mapping.step import FinalMap, Step
-from omnieval.material import ARCHIVE, Cut, Material, Source, opened, opened_after, with_poses
+from omnieval.material.continued import opened_after
+from omnieval.material.material import Material
+from omnieval.material.opening import opened
+from omnieval.material.source import ARCHIVE, Cut, Source, with_poses
 from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.metrics.ground import THETAS, Ground
 from omnieval.metrics.quality import Making

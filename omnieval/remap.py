@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import polars as pl
 
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.loop import hold_decision, made_mapper
 from omnieval.mapping.memory import AHEAD, blocks
 from omnieval.mapping.step import Step
-from omnieval.material import Material
+from omnieval.material.material import Material
 from omnieval.results.run_folder import Run
 from omnieval.results.tables import read_steps
 

@@ -12,7 +12,9 @@ from pathlib import Path
 
 from omnieval.errors import ResultError
 from omnieval.mapping.step import Step
-from omnieval.material import Material, archive_file, reopened
+from omnieval.material.material import Material
+from omnieval.material.reopened import reopened
+from omnieval.material.source import archive_file
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.recording import RecordingOptions
 from omnieval.remap import remapped

@@ -18,7 +18,7 @@ from omnieval.datasets.sequence import Frame
 from omnieval.errors import DatasetError
 from omnieval.mapping.interface import Method
 from omnieval.mapping.step import FinalMap, Step
-from omnieval.material import Material
+from omnieval.material.material import Material
 from omnieval.metrics.evaluation import Evaluation
 from omnieval.metrics.running import SilhouetteSoFar
 from omnieval.recording import RecordingOptions

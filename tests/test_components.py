@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from omnieval.components import Component, find_class, known, resolve_component
+from omnieval.components.component import Component, resolve_component
+from omnieval.components.names import find_class, known
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, ResultError
@@ -136,7 +137,9 @@ class TestNames:
 
     def test_an_entry_point(self, monkeypatch: pytest.MonkeyPatch) -> None:
         entry = EntryPoint("plugin", f"{__name__}:Bands", "omnieval.descriptors")
-        monkeypatch.setattr("omnieval.components.entry_points", lambda group: [entry] if group == entry.group else [])
+        monkeypatch.setattr(
+            "omnieval.components.names.entry_points", lambda group: [entry] if group == entry.group else []
+        )
         assert known("descriptor") == ["hog", "gist", "plugin"]
         assert known("mapper") == ["roman2020", "leader", "geodesic", "birch", "valley"]
         found = resolve_component("descriptor", "plugin", {"rows": 2})
@@ -147,7 +150,7 @@ class TestNames:
 
     def test_an_entry_point_does_not_replace_one_of_ours(self, monkeypatch: pytest.MonkeyPatch) -> None:
         entry = EntryPoint("hog", f"{__name__}:Bands", "omnieval.descriptors")
-        monkeypatch.setattr("omnieval.components.entry_points", lambda group: [entry])
+        monkeypatch.setattr("omnieval.components.names.entry_points", lambda group: [entry])
         assert isinstance(resolve_component("descriptor", "hog").make(), Hog)
         assert known("descriptor") == ["hog", "gist"]
 

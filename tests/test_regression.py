@@ -12,13 +12,14 @@ import omnieval
 from omnieval.errors import ConfigError, DatasetError, RegressionError, ResultError
 from omnieval.loop import describe_archive, replay
 from omnieval.mapping.roman2020.settings import PRESETS
-from omnieval.material import Cut
+from omnieval.material.source import Cut
 from omnieval.regression import case_report as report
 from omnieval.regression import judge
 from omnieval.regression.cases import Selection, canonical_source, portable
 from omnieval.regression.gate import check
+from omnieval.regression.guarded import Case, Guard, NodeRange
 from omnieval.regression.junit import write_junit
-from omnieval.regression.reference import Case, Guard, NodeRange, read_localizations, read_reference, write_reference
+from omnieval.regression.reference import read_localizations, read_reference, write_reference
 from omnieval.regression.trace import DECISION, first_parting, read_trace, write_trace
 from omnieval.regression.update import change_lines, update
 from omnieval.results.intervals import intervals_of_run

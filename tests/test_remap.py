@@ -9,7 +9,7 @@ import omnieval
 from omnieval.errors import ResultError
 from omnieval.loop import replay
 from omnieval.mapping.leader import Leader
-from omnieval.material import reopened
+from omnieval.material.reopened import reopened
 from omnieval.remap import decided_again, remapped
 from omnieval.results.tables import read_steps
 

@@ -14,7 +14,8 @@ from typing import Any
 from omnieval.ablation.jobs import Described, Job, batch_silhouettes
 from omnieval.ablation.worker import FACTS, READABLE, Grown, Named, facts, grow_elsewhere, grow_here
 from omnieval.cluster import ClusterExecutor, ClusterSpec, cluster, differing_workers
-from omnieval.components import BUILT_IN, Component
+from omnieval.components.component import Component
+from omnieval.components.names import BUILT_IN
 from omnieval.descriptors.describe import Elsewhere, RawImage, described_images
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.stored import StoredDescriptions

@@ -22,7 +22,7 @@ from omnieval.ablation.tree import plant
 from omnieval.ablation.worker import Grown, OtherWorkerError
 from omnieval.errors import OmnievalError, ResultError
 from omnieval.loop import run as replay
-from omnieval.material import opened
+from omnieval.material.opening import opened
 from omnieval.recording import RecordingOptions
 from omnieval.results.atomic import replacing
 from omnieval.results.content import content_hash

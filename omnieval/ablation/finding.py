@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from omnieval.ablation.jobs import Described
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.localization.answers import Query, answers
 from omnieval.localization.measures import measure
 from omnieval.localization.strategies import COARSE, LEVELS, STRATEGIES, has_levels

@@ -15,11 +15,12 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
 
-from omnieval.components import BUILT_IN, Component
+from omnieval.components.component import Component
+from omnieval.components.names import BUILT_IN
 from omnieval.config import Config, Setting, full_name, parameters, presets, resolve
 from omnieval.errors import ConfigError
 from omnieval.mapping.interface import BranchingMapper
-from omnieval.material import ARCHIVE
+from omnieval.material.source import ARCHIVE
 
 COMPONENTS = tuple(reversed(BUILT_IN))
 """Axes of components, which are varied before parameters."""

@@ -23,7 +23,8 @@ from omnieval.descriptors.stored import Descriptions, kept
 from omnieval.errors import ConfigError
 from omnieval.imaging.soundness import BadImage
 from omnieval.mapping.interface import Method
-from omnieval.material import Cut, Material, Source
+from omnieval.material.material import Material
+from omnieval.material.source import Cut, Source
 from omnieval.metrics.silhouette import silhouettes
 from omnieval.results.provenance import dataset_fingerprint
 from omnieval.source_code import digest_of

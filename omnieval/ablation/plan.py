@@ -12,7 +12,7 @@ from typing import Any
 from omnieval.ablation.grid import COMPONENTS, Axis, Span, column_of, components, configurations, value_of
 from omnieval.ablation.jobs import Input, Job
 from omnieval.ablation.store import Part, as_text
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.config import Config, Setting, parameters
 from omnieval.datasets import Sequence as ImageSequence
 from omnieval.datasets import load
@@ -24,7 +24,9 @@ from omnieval.errors import ConfigError, DatasetError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.imaging.soundness import without_bad
 from omnieval.loop import too_short
-from omnieval.material import ARCHIVE, Cut, Source, archive_file, described_again, opened, refuse_descriptor
+from omnieval.material.opening import opened
+from omnieval.material.reopened import described_again
+from omnieval.material.source import ARCHIVE, Cut, Source, archive_file, refuse_descriptor
 from omnieval.results.schemas import parameter_type
 
 

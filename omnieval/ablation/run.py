@@ -23,7 +23,7 @@ from omnieval.datasets.perturbation import Perturbation, Replicates
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.errors import ConfigError
 from omnieval.imaging.soundness import examined
-from omnieval.material import Cut, Source, with_poses
+from omnieval.material.source import Cut, Source, with_poses
 from omnieval.metrics.catalogue import BY_NAME
 from omnieval.processes import job_count
 from omnieval.results.folder import hold_folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from omnieval.ablation.grid import Axis, make_axis
-from omnieval.components import known
+from omnieval.components.names import known
 from omnieval.datasets.synthetic.facts import LIGHTS, Rendered, rendered
 
 BENCHMARK = "benchmark"

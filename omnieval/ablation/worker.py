@@ -12,7 +12,8 @@ from typing import Any
 import omnieval
 from omnieval.ablation.jobs import Described, Job
 from omnieval.ablation.tree import grow
-from omnieval.components import Kind, resolve_component
+from omnieval.components.component import resolve_component
+from omnieval.components.names import Kind
 from omnieval.descriptors.stored import StoredDescriptions
 from omnieval.errors import OmnievalError
 from omnieval.results.provenance import versions

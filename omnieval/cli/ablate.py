@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from omnieval.ablation.plan import Plan
     from omnieval.config import Setting
     from omnieval.datasets.perturbation import Perturbation
-    from omnieval.material import Cut
+    from omnieval.material.source import Cut
 
 SOME_FAILED = 5
 

@@ -48,7 +48,7 @@ def map_descriptors(
     """
     from omnieval.cli.console import progress
     from omnieval.loop import replay
-    from omnieval.material import ARCHIVE_SCHEME, archive_file
+    from omnieval.material.source import ARCHIVE_SCHEME, archive_file
 
     resolved = options.configuration(set_, config, preset, mapper, None)
     recording = options.recording(no_rrd=not rrd, no_images=True)

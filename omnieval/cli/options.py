@@ -10,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from omnieval.config import Config, Setting
-    from omnieval.material import Cut
+    from omnieval.material.source import Cut
     from omnieval.recording import RecordingOptions
 
 
@@ -28,14 +28,14 @@ def group(help_: str) -> typer.Typer:
 
 def _mappers(incomplete: str) -> list[str]:
     """Return the names of mappers that begin so, for completion in a shell."""
-    from omnieval.components import known
+    from omnieval.components.names import known
 
     return [name for name in known("mapper") if name.startswith(incomplete)]
 
 
 def _descriptors(incomplete: str) -> list[str]:
     """Return the names of descriptors that begin so, for completion in a shell."""
-    from omnieval.components import known
+    from omnieval.components.names import known
 
     return [name for name in known("descriptor") if name.startswith(incomplete)]
 
@@ -234,7 +234,7 @@ def source_with(
 
 def cut(start: int, stride: int, limit: int | None) -> Cut:
     """Return which frames the options ask for."""
-    from omnieval.material import Cut
+    from omnieval.material.source import Cut
 
     return Cut(start, stride, limit)
 

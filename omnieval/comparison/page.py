@@ -11,7 +11,7 @@ import polars as pl
 
 from omnieval.comparison.methods import Comparison, Group, GroupDifference, GroupEstimate, better, compare_methods
 from omnieval.comparison.records import ablation_records
-from omnieval.components import BUILT_IN
+from omnieval.components.names import BUILT_IN
 from omnieval.localization.measures import METRICS as FINDING
 from omnieval.metrics.catalogue import BY_NAME
 from omnieval.statistics.ranks import SIGNIFICANT

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, description_key, image_digest
 from omnieval.descriptors.description import (

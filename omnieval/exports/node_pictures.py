@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnieval.errors import ResultError
 from omnieval.imaging.pictures import Pictures
-from omnieval.material import reopened
+from omnieval.material.reopened import reopened
 from omnieval.results.run_folder import Run
 
 

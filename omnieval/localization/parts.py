@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.errors import ConfigError
 from omnieval.loop import made_mapper, mapped, too_short
 from omnieval.mapping.map import TopologicalMap, arrays_of

@@ -18,7 +18,7 @@ from omnieval.localization.parts import kept_images
 from omnieval.localization.run import KIND, RECORDING, Localization
 from omnieval.localization.words import answer_lines
 from omnieval.mapping.step import Role
-from omnieval.material import reopened, reopened_as
+from omnieval.material.reopened import reopened, reopened_as
 from omnieval.recording import RecordingOptions
 from omnieval.recording.compression import encode_panorama, turn
 from omnieval.recording.queries import QueriesInfo, QueryAnswer, QueryView, record_queries

@@ -17,7 +17,7 @@ from typing import Any
 
 import polars as pl
 
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.config import Config, with_camera
 from omnieval.errors import ConfigError, ResultError
 from omnieval.imaging.settings import ImagingConfig
@@ -28,7 +28,9 @@ from omnieval.localization.strategies import COARSE, LEVELS, STRATEGIES, check_s
 from omnieval.localization.table import queries_frame
 from omnieval.loop import RUNS
 from omnieval.mapping.map import TopologicalMap
-from omnieval.material import ARCHIVE, Cut, Source, named, opened, other_images, other_kind
+from omnieval.material.continued import other_images, other_kind
+from omnieval.material.opening import opened
+from omnieval.material.source import ARCHIVE, Cut, Source, named
 from omnieval.results.atomic import write_table
 from omnieval.results.content import content_hash
 from omnieval.results.folder import ResultFolder

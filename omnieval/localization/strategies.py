@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.components import Component
+from omnieval.components.component import Component
 from omnieval.cores import allotted
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import Distances

@@ -16,8 +16,9 @@ from omnieval.datasets.registry import canonical, place_of
 from omnieval.errors import ConfigError, DatasetError, OmnievalError
 from omnieval.imaging.settings import ImagingConfig
 from omnieval.loop import replay
-from omnieval.material import ARCHIVE, ARCHIVE_SCHEME, Cut, archive_file, refuse_descriptor
-from omnieval.regression.reference import Case, sayable
+from omnieval.material.source import ARCHIVE, ARCHIVE_SCHEME, Cut, archive_file, refuse_descriptor
+from omnieval.regression.guarded import Case
+from omnieval.regression.reference import sayable
 from omnieval.results.manifest import MANIFEST, expanded
 from omnieval.results.run_folder import Run, open_run
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from omnieval.datasets import load
 from omnieval.errors import ConfigError, DatasetError, OmnievalError, RegressionError, ResultError
-from omnieval.material import archive_file
+from omnieval.material.source import archive_file
 from omnieval.processes import workers
 from omnieval.regression.case_report import CaseReport
 from omnieval.regression.cases import (
@@ -29,9 +29,10 @@ from omnieval.regression.cases import (
     source_of,
     target_of,
 )
+from omnieval.regression.guarded import Case, LocalizationCase, Made
 from omnieval.regression.judge import judge
 from omnieval.regression.localizing import reports_of
-from omnieval.regression.reference import Case, LocalizationCase, Made, read_localizations, read_reference
+from omnieval.regression.reference import read_localizations, read_reference
 from omnieval.regression.trace import Parting, first_parting, read_trace
 from omnieval.results.compare import differing
 from omnieval.results.intervals import intervals_of_run

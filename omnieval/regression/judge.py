@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from omnieval.regression.reference import DECIMALS, Case, Guard, NodeRange
+from omnieval.regression.guarded import DECIMALS, Case, Guard, NodeRange
 from omnieval.statistics.estimate import Estimate
 from omnieval.statistics.within import IntervalOf
 

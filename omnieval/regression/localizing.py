@@ -16,13 +16,8 @@ from omnieval.localization.run import Localization, localize
 from omnieval.localization.strategies import LEVELS, NEAREST, has_levels
 from omnieval.regression.case_report import CaseReport
 from omnieval.regression.cases import Progress, canonical_source
+from omnieval.regression.guarded import Guard, LocalizationCase, LocalizationMade, better_of_localization
 from omnieval.regression.judge import judge_guards
-from omnieval.regression.reference import (
-    Guard,
-    LocalizationCase,
-    LocalizationMade,
-    better_of_localization,
-)
 from omnieval.results.run_folder import Run
 from omnieval.statistics.estimate import Estimate
 

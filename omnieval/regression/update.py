@@ -12,7 +12,8 @@ import polars as pl
 from omnieval.config import resolve
 from omnieval.errors import OmnievalError, ResultError
 from omnieval.loop import run_name
-from omnieval.material import ARCHIVE, reopened
+from omnieval.material.reopened import reopened
+from omnieval.material.source import ARCHIVE
 from omnieval.metrics.catalogue import BY_NAME
 from omnieval.regression.cases import (
     Job,
@@ -25,17 +26,9 @@ from omnieval.regression.cases import (
     selection_of,
     target_of,
 )
+from omnieval.regression.guarded import Case, Guard, LocalizationCase, Made, NodeRange
 from omnieval.regression.localizing import answers_of, renewed
-from omnieval.regression.reference import (
-    Case,
-    Guard,
-    LocalizationCase,
-    Made,
-    NodeRange,
-    read_localizations,
-    read_reference,
-    write_reference,
-)
+from omnieval.regression.reference import read_localizations, read_reference, write_reference
 from omnieval.regression.trace import DECISION, Parting, first_parting, read_trace, write_trace
 from omnieval.results.compare import differing
 from omnieval.results.intervals import intervals_of_run

@@ -8,7 +8,7 @@ from typing import Any
 
 from omnieval.errors import ConfigError
 from omnieval.localization.run import Localization
-from omnieval.material import Cut
+from omnieval.material.source import Cut
 from omnieval.report.batch import batch_figure, recorded
 from omnieval.report.figure import Block, Content, Figure, Section, Skipped, Table
 from omnieval.report.heatmaps import sweep_figures

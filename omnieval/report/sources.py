@@ -19,7 +19,10 @@ from omnieval.errors import ResultError
 from omnieval.localization.run import KIND as LOCALIZATION
 from omnieval.localization.run import Localization, open_localization
 from omnieval.mapping.interface import Method
-from omnieval.material import Cut, Material, described_again, held_against, opened, reopened
+from omnieval.material.material import Material
+from omnieval.material.opening import opened
+from omnieval.material.reopened import described_again, held_against, reopened
+from omnieval.material.source import Cut
 from omnieval.metrics.catalogue import METRICS
 from omnieval.results.manifest import MANIFEST, kind_of, read_manifest, status_of
 from omnieval.results.run_folder import Run, method_of, open_run

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 from scipy.ndimage import gaussian_filter
 
-from omnieval.components import name_of, plain_settings
+from omnieval.components.names import name_of
+from omnieval.components.settings import plain_settings
 from omnieval.descriptors.description import BatchDescriptor, Description, Descriptor
 from omnieval.errors import ConfigError
 from omnieval.testing.contract import require, same

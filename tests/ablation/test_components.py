@@ -16,13 +16,13 @@ from omnieval.config import Setting
 from omnieval.errors import ConfigError
 from omnieval.mapping.interface import NoSettings
 from omnieval.mapping.leader import Leader, LeaderSettings
-from omnieval.material import reopened
+from omnieval.material.reopened import reopened
 from omnieval.metrics.evaluation import METRICS
 from omnieval.report.heatmaps import sweep_figures
 from omnieval.report.sources import open_sources
 from omnieval.results.run_folder import open_run
+from tests.material.test_reopened import TINY
 from tests.report.charts import figure_of
-from tests.test_material import TINY
 
 BASE = {"n_init": 10, "n_new": 10, "gamma": 1.0}
 WITH_SETTINGS = TINY.replace(

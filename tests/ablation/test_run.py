@@ -18,7 +18,7 @@ from omnieval.config import Setting
 from omnieval.datasets.cachedir import cache_dir
 from omnieval.descriptors.stored import StoredDescriptions
 from omnieval.errors import ConfigError, ResultError
-from omnieval.material import opened
+from omnieval.material.opening import opened
 from omnieval.metrics.evaluation import METRICS
 from omnieval.report.evidence import position_descriptors
 from omnieval.report.sources import open_sources

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from omnieval.components import resolve_component
+from omnieval.components.component import resolve_component
 from omnieval.config import resolve
 from omnieval.descriptors.cache import DescriptorCache
 from omnieval.descriptors.describe import Describer

@@ -24,7 +24,7 @@ from omnieval.datasets import load
 from omnieval.datasets.synthetic import LIGHTS, synthesize
 from omnieval.descriptors.description import Description
 from omnieval.descriptors.distance import DescriptionStore
-from omnieval.material import opened
+from omnieval.material.opening import opened
 
 COVERED_M = 1.0
 DESCRIPTORS = ("hog", "gist")

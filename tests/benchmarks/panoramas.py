@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnieval.components import resolve_component
+from omnieval.components.component import resolve_component
 from omnieval.config import configure
 from omnieval.datasets.sequence import Camera, Frame
 from omnieval.datasets.sequence import Sequence as Frames

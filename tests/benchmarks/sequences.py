@@ -11,7 +11,7 @@ import numpy as np
 from omnieval.config import configure
 from omnieval.datasets import Sequence, load
 from omnieval.descriptors.description import Description
-from omnieval.material import opened
+from omnieval.material.opening import opened
 
 NOISE = 0.05
 """Standard deviation of what is added to every component, relative to its own."""

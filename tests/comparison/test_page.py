@@ -10,7 +10,7 @@ from omnieval.ablation.grid import make_axis
 from omnieval.ablation.plan import make_plan
 from omnieval.ablation.suite import benchmark_axes, benchmark_pairs, benchmark_sources
 from omnieval.comparison.page import benchmark_page
-from omnieval.components import known
+from omnieval.components.names import known
 from omnieval.errors import ConfigError
 from omnieval.results.schemas import FOUND
 from tests.cli.test_cli import in_process

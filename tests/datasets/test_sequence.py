@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from omnieval.datasets import Frame, Sequence
 from omnieval.datasets.cachedir import cache_dir
 from omnieval.errors import DatasetError
-from omnieval.material import Cut
+from omnieval.material.source import Cut
 
 WHOLE = Sequence("s", "folder:/s", Path("/s"), tuple(Frame(Path(f"/s/{i}"), str(i)) for i in range(40)))
 CUTS = st.builds(Cut, st.integers(-12, 12), st.integers(1, 4), st.none() | st.integers(1, 50))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from omnieval.components import resolve_component
+from omnieval.components.component import resolve_component
 from omnieval.datasets.sequence import Frame
 from omnieval.descriptors.cache import DescriptorCache, image_digest
 from omnieval.descriptors.describe import Describer

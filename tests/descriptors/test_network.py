@@ -12,7 +12,7 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from omnieval.components import resolve_component
+from omnieval.components.component import resolve_component
 from omnieval.descriptors.network import Card, Network, as_input
 from omnieval.errors import ConfigError, ResultError
 from omnieval.testing import check_descriptor

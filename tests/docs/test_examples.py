@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from omnieval.components import resolve_component
+from omnieval.components.component import resolve_component
 from omnieval.explain.run import RunExplainer
 from omnieval.explain.words import decision_text
 from omnieval.loop import replay

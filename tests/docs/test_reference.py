@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 import omnieval
-from omnieval.components import BUILT_IN, find_class
+from omnieval.components.names import BUILT_IN, find_class
 from omnieval.config import parameters
 from omnieval.mapping.roman2020.evidence import Verdict
 from omnieval.mapping.step import Placement, Role

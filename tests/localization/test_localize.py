@@ -48,7 +48,7 @@ def test_the_places_are_found_with_their_headings(found):
 def test_the_nearest_image_is_that_of_a_loop_over_all_pairs(mapped, darker, found):
     map_ = mapped.map
     from omnieval.config import as_config
-    from omnieval.material import opened
+    from omnieval.material.opening import opened
 
     with opened(darker, as_config(CONFIG)) as material:
         queries = [one.description for one in material.described][:2]
@@ -241,7 +241,7 @@ class TestRefused:
             localize(run, panoramas, out=tmp_path / "out")
 
     def test_other_panoramas(self, mapped, darker, tmp_path):
-        from omnieval.material import other_camera
+        from omnieval.material.continued import other_camera
 
         of_map = mapped.map.about["camera"]
         assert other_camera({**of_map, "origin": "elsewhere"}, of_map) is None

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from omnieval.errors import ResultError
-from omnieval.material import Cut
+from omnieval.material.source import Cut
 from omnieval.report.published import PUBLISHED, route_of
 from omnieval.report.sources import best_rows, open_sources
 from tests.report.conftest import SMALL

@@ -15,7 +15,9 @@ from omnieval.datasets.registry import canonical, place_of, posed_source
 from omnieval.datasets.registry import scan as scan_source
 from omnieval.datasets.sequence import Pose
 from omnieval.errors import ConfigError, DatasetError, ResultError
-from omnieval.material import archive_file, opened, reopened
+from omnieval.material.opening import opened
+from omnieval.material.reopened import reopened
+from omnieval.material.source import archive_file
 from tests.datasets.trajectory.drives import a_drive, euroc, kitti, lines, tum
 from tests.datasets.trees import cold_names, make_cold, make_folder
 

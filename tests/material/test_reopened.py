@@ -11,7 +11,9 @@ from omnieval.config import resolve
 from omnieval.datasets import load
 from omnieval.errors import ConfigError, DatasetError, ResultError
 from omnieval.loop import describe_archive, replay
-from omnieval.material import Cut, opened, reopened
+from omnieval.material.opening import opened
+from omnieval.material.reopened import reopened
+from omnieval.material.source import Cut
 from omnieval.results.provenance import dataset_fingerprint
 
 TINY = """

@@ -10,7 +10,7 @@ import omnieval
 from omnieval.errors import ConfigError, DatasetError, ResultError
 from omnieval.loop import hold_decision, replay
 from omnieval.mapping.step import Role, Step
-from omnieval.material import reopened
+from omnieval.material.reopened import reopened
 from omnieval.regression.cases import Job
 from omnieval.render import render
 from omnieval.results.run_folder import open_run
