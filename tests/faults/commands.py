@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import random
 import select
 import signal
 import subprocess
@@ -76,12 +77,18 @@ def go(process):
 
 
 def one_ahead(loading):
-    """Yield processes; while one is looked at, the next one loads its libraries."""
+    """Yield processes; while one is looked at, the next one loads its libraries. One that nobody wants is killed."""
     waiting = next(loading)
-    for following in loading:  # which has begun to load before we continue with the one that waits
-        yield go(waiting)
-        waiting = following
-    yield go(waiting)
+    try:
+        for following in loading:  # which has begun to load before we continue with the one that waits
+            wanted, waiting = waiting, following
+            yield go(wanted)
+        wanted, waiting = waiting, None
+        yield go(wanted)
+    finally:
+        if waiting is not None:
+            waiting.kill()
+            end(waiting)
 
 
 def end(process):
@@ -104,15 +111,25 @@ def span(cwd, *arguments, **options):
     return time.monotonic() - began
 
 
+def parts(count, seed):
+    """Yield a random number in each of so many equal parts of 0 to 1, then ever more of anywhere in between."""
+    rng = random.Random(seed)
+    yield from ((part + rng.random()) / count for part in range(count))
+    while True:
+        yield rng.random()
+
+
 def kill_after(seconds, process):
-    """Kill a command unless it ends before, and return its exit code when nobody of its group is left."""
+    """Kill a command unless it ends before; return its exit code when nobody of its group is left, and its seconds."""
+    began = time.monotonic()
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(timeout=seconds)
+    took = time.monotonic() - began
     with contextlib.suppress(ProcessLookupError):
         os.kill(process.pid, signal.SIGKILL)
     code, _, _ = end(process)
     group_ends(process)
-    return code
+    return code, took
 
 
 def wait_for(condition, process):
