@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from omnieval.ablation.run import ablate
+    from omnieval.archiving import describe_archive
     from omnieval.benchmark import baseline
     from omnieval.config import Config, configure
     from omnieval.datasets import load
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from omnieval.explain.run import RunExplainer
     from omnieval.exports.write import Exported, export
     from omnieval.localization.run import Localization, localize, open_localization
-    from omnieval.loop import describe_archive, replay
+    from omnieval.loop import replay
     from omnieval.mapping.birch import Birch, BirchSettings
     from omnieval.mapping.geodesic.mapper import Geodesic
     from omnieval.mapping.geodesic.settings import GeodesicSettings
@@ -73,7 +74,7 @@ _HOMES = {
     "open_localization": "localization.run",
     "Exported": "exports.write",
     "export": "exports.write",
-    "describe_archive": "loop",
+    "describe_archive": "archiving",
     "replay": "loop",
     "Birch": "mapping.birch",
     "BirchSettings": "mapping.birch",

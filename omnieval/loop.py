@@ -22,7 +22,6 @@ from omnieval.components.component import Component
 from omnieval.config import Config, as_config
 from omnieval.cores import allotted
 from omnieval.datasets.sequence import Frame
-from omnieval.descriptors.archive import Archive, save_archive
 from omnieval.descriptors.description import DescribedFrame, Description
 from omnieval.errors import ConfigError, ResultError
 from omnieval.mapping.interface import BranchingMapper, Mapper, Method
@@ -37,7 +36,6 @@ from omnieval.metrics.evaluation import Evaluation, evaluate
 from omnieval.metrics.ground import THETAS, Ground
 from omnieval.metrics.quality import Making
 from omnieval.recording import RecordingOptions
-from omnieval.results.atomic import replacing
 from omnieval.results.map_file import MapWriter
 from omnieval.results.provenance import code_digest, dataset_fingerprint, identity, versions
 from omnieval.results.run_folder import RECORDING, Run, RunWriter, free_folder, open_run
@@ -188,62 +186,6 @@ def run_name(sequence: str, descriptor: Component, mapper: Component) -> str:
     """
     described = "map" if descriptor == ARCHIVE else descriptor.name
     return "-".join([sequence, described, *([] if mapper.is_default else [mapper.name])])
-
-
-def describe_archive(
-    source: Source,
-    file: str | Path,
-    *,
-    descriptor: Any = None,
-    config: Config | Mapping[str, Any] | None = None,
-    poses: str | Path | None = None,
-    poses_tolerance: float | None = None,
-    poses_interpolate: float | None = None,
-    start: int = 0,
-    stride: int = 1,
-    limit: int | None = None,
-    overwrite: bool = False,
-    skip_bad: bool = False,
-    progress: Progress | None = None,
-    **parameters: Any,
-) -> tuple[Archive, Material]:
-    """Describe a sequence and write the archive; see `replay` and `descriptors.archive`."""
-    path = Path(file).expanduser()
-    claim_file(path, overwrite=overwrite)
-    resolved = as_config(config, descriptor=descriptor, **parameters)
-    source = with_poses(source, poses, poses_tolerance, poses_interpolate)
-    with opened(source, resolved, Cut(start, stride, limit), skip_bad=skip_bad) as material:
-        described = []
-        for one in material.described:
-            described.append(one.description)
-            if progress:
-                progress(len(described), len(material.frames))
-        archive = Archive(
-            material.frames,
-            np.stack([description.position for description in described]),
-            np.stack([description.orientation for description in described]),
-        )
-    with replacing(path) as temporary:
-        save_archive(temporary, archive.frames, archive.position, archive.orientation)
-    return archive, material
-
-
-def claim_file(file: Path, *, overwrite: bool) -> None:
-    """Refuse a file that cannot or must not be written, before the work of filling it is done.
-
-    Raises
-    ------
-    ResultError
-        If it exists and is not to be overwritten, or has no folder.
-    """
-    try:
-        occupied = file.is_dir() or (file.exists() and not overwrite)
-    except OSError as error:
-        raise ResultError(f"cannot write {file}: {error.strerror or error}; choose another --out") from error
-    if occupied:
-        raise ResultError(f"{file} exists; choose another --out or pass --overwrite")
-    if not file.parent.is_dir():
-        raise ResultError(f"cannot write {file}: there is no folder {file.parent}; make it or choose another --out")
 
 
 def run(

@@ -10,11 +10,12 @@ import polars as pl
 import pytest
 
 import omnieval
+from omnieval.archiving import describe_archive
 from omnieval.datasets import load
 from omnieval.datasets.sequence import Pose
 from omnieval.descriptors.hog import Hog, HogSettings
 from omnieval.errors import ConfigError, DatasetError, ResultError
-from omnieval.loop import describe_archive, replay
+from omnieval.loop import replay
 from omnieval.recording import RecordingOptions
 from omnieval.render import render
 from omnieval.results.run_folder import RunWriter, open_run

@@ -9,8 +9,9 @@ import polars as pl
 import pytest
 
 import omnieval
+from omnieval.archiving import describe_archive
 from omnieval.errors import ConfigError, DatasetError, RegressionError, ResultError
-from omnieval.loop import describe_archive, replay
+from omnieval.loop import replay
 from omnieval.mapping.roman2020.settings import PRESETS
 from omnieval.material.source import Cut
 from omnieval.regression import case_report as report

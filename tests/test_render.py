@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
+from omnieval.archiving import describe_archive
 from omnieval.descriptors.archive import load_archive, save_archive
 from omnieval.descriptors.description import Description
 from omnieval.errors import DatasetError, ResultError
 from omnieval.imaging.pictures import SequencePictures
-from omnieval.loop import describe_archive, replay
+from omnieval.loop import replay
 from omnieval.mapping.leader import Leader
 from omnieval.recording import RecordingOptions
 from omnieval.recording.digest import digest

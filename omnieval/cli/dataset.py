@@ -147,7 +147,7 @@ def check(
     from omnieval.datasets.check import check as check_sequence
     from omnieval.datasets.findings import in_order
     from omnieval.errors import DatasetError
-    from omnieval.loop import claim_file
+    from omnieval.results.atomic import claim_file
 
     imaging = options.configuration(set_, None, camera=camera).imaging
     if preview is not None:

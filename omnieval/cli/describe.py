@@ -42,9 +42,9 @@ def describe(
 
       omnieval describe synthetic:sunny --descriptor gist --out sunny.npz
     """
+    from omnieval.archiving import describe_archive
     from omnieval.cli.console import note, print_fields, print_json, progress
     from omnieval.imaging.soundness import in_words
-    from omnieval.loop import describe_archive
 
     resolved = options.configuration(set_, config, descriptor=descriptor, camera=camera)
     taken = options.source_with(

@@ -38,9 +38,9 @@ def render(
     from omnieval.localization.recorded import record_localization
     from omnieval.localization.run import KIND as LOCALIZATION
     from omnieval.localization.run import open_localization
-    from omnieval.loop import claim_file
     from omnieval.recording import RecordingOptions
     from omnieval.render import render as rebuild
+    from omnieval.results.atomic import claim_file
     from omnieval.results.manifest import kind_of
     from omnieval.results.run_folder import open_run
 

@@ -22,6 +22,24 @@ from omnieval.errors import ResultError
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.\d+\.tmp")
 
 
+def claim_file(file: Path, *, overwrite: bool) -> None:
+    """Refuse a file that cannot or must not be written, before the work of filling it is done.
+
+    Raises
+    ------
+    ResultError
+        If it exists and is not to be overwritten, or has no folder.
+    """
+    try:
+        occupied = file.is_dir() or (file.exists() and not overwrite)
+    except OSError as error:
+        raise ResultError(f"cannot write {file}: {error.strerror or error}; choose another --out") from error
+    if occupied:
+        raise ResultError(f"{file} exists; choose another --out or pass --overwrite")
+    if not file.parent.is_dir():
+        raise ResultError(f"cannot write {file}: there is no folder {file.parent}; make it or choose another --out")
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to; move it into place when the block ends well.

@@ -8,9 +8,9 @@ import polars as pl
 import pytest
 
 import omnieval
+from omnieval.archiving import describe_archive
 from omnieval.benchmark import run_baseline
 from omnieval.errors import ConfigError, DatasetError, ResultError
-from omnieval.loop import describe_archive
 from omnieval.metrics import evaluation
 from omnieval.metrics.evaluation import METRICS, Evaluation
 from omnieval.results.manifest import read_manifest

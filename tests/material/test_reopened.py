@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import omnieval
+from omnieval.archiving import describe_archive
 from omnieval.config import resolve
 from omnieval.datasets import load
 from omnieval.errors import ConfigError, DatasetError, ResultError
-from omnieval.loop import describe_archive, replay
+from omnieval.loop import replay
 from omnieval.material.opening import opened
 from omnieval.material.reopened import reopened
 from omnieval.material.source import Cut
