@@ -20,6 +20,9 @@ from omnieval.descriptors.tiles import TILE, TOGETHER, Group, Tile, position_dis
 
 T = TypeVar("T")
 
+_NARROWED = 32
+"""Images that are compared in double precision at once."""
+
 _EXACT_TILES = 48
 """Tiles that are kept in double precision: those of images that were the best of late."""
 
@@ -101,14 +104,20 @@ class ScreenedStore:
         return screened.bounds(place, others, self._squares)
 
     def narrow(self, query: int, others: NDArray[np.int64]) -> Bounds:
-        """Bound the distances of an image from a few others within rounding of double precision, shape (m,)."""
+        """Bound the distances of an image from some others within rounding of double precision, shape (m,)."""
         screened = self._screened_for(query)
         sketch, there = self._place_of(query)
-        places = [self._place_of(number) for number in others.tolist()]
-        largest = correlated(
-            sketch.orientations[there], np.stack([other.orientations[place] for other, place in places])
-        )
-        screened.narrow(screened.places[query], others, largest)
+
+        def narrow(some: Sequence[int]) -> list[None]:
+            for start in some:
+                block = others[start : start + _NARROWED]
+                places = [self._place_of(number) for number in block.tolist()]
+                orientations = np.stack([other.orientations[place] for other, place in places])
+                largest = correlated(sketch.orientations[there], orientations)
+                screened.narrow(screened.places[query], block, largest)
+            return []
+
+        self._in_threads(narrow, range(0, len(others), _NARROWED))
         return screened.bounds(screened.places[query], others, self._squares)
 
     def position_distances(self, query: int, others: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from functools import cache
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, rfft
+from scipy.fft import rfft
 
 from omnieval.descriptors.alignment import as_query, spectrum
 from omnieval.descriptors.description import Description
@@ -203,11 +203,14 @@ def _representable(sizes: NDArray[np.float64]) -> NDArray[np.bool_]:
 def correlated(query: NDArray[np.float32], others: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the largest correlation of an orientation descriptor, (cells, bins), with others, shape (m, cells, bins).
 
-    In double precision, but not to the bit what tiles say.
+    In double precision, but not to the bit what tiles say. Fastest for a few dozen, which fit into the cache.
     """
-    spectra = rfft(others.astype(np.float64), axis=1)
-    crossed = (rfft(query.astype(np.float64), axis=0).conj() * spectra).sum(axis=2)
-    largest: NDArray[np.float64] = irfft(crossed, len(query), axis=1).max(axis=1)
+    count, cells, bins = others.shape
+    rows = np.ascontiguousarray(others.transpose(0, 2, 1), np.float64).reshape(count * bins, cells)
+    queries = np.tile(cv2.dft(np.ascontiguousarray(query.T, np.float64), flags=cv2.DFT_ROWS), (count, 1))
+    crossed = cv2.mulSpectrums(cv2.dft(rows, flags=cv2.DFT_ROWS), queries, cv2.DFT_ROWS, conjB=True)
+    crossed = crossed.reshape(count, bins, cells).sum(axis=1)
+    largest: NDArray[np.float64] = cv2.dft(crossed, flags=_BACK).max(axis=1)
     return largest
 
 

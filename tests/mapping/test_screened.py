@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from omnieval.descriptors import screening
 from omnieval.mapping.memory import AHEAD, ImageMemory, blocks
 from omnieval.mapping.roman2020 import mapper as module
 from omnieval.mapping.roman2020.conditions import prominence
@@ -82,6 +83,26 @@ def test_equal_images_are_decided_as_they_are_with_evidence(calls):
         Roman2020(settings), descriptions
     )
     assert calls
+
+
+@pytest.mark.parametrize("rounding", [2.0**-16, 2.0**-10])
+def test_what_single_precision_leaves_open_is_looked_at_closely(rounding, calls, monkeypatch):
+    """Bounds so wide that they decide little: first the neighbours that may be the one or the other way, then all."""
+    monkeypatch.setattr(screening, "_UNIT", rounding)
+    narrowed = []
+    narrow = ImageMemory.narrow
+
+    def noted(memory, frame, frames):
+        narrowed.append(len(frames))
+        return narrow(memory, frame, frames)
+
+    monkeypatch.setattr(ImageMemory, "narrow", noted)
+    settings = Roman2020Settings(n_init=10, n_new=10, gamma=2.0)
+    descriptions = World(seed=5, visits=5).describe()
+    screened = Roman2020(settings, ImageMemory(screening=True))
+    assert decisions(screened, descriptions) == decisions(Roman2020(settings), descriptions)
+    assert len(narrowed) > 0.5 * len(calls) > 0
+    assert None not in calls
 
 
 @pytest.mark.parametrize("mean", ["peaks", "candidates"])

@@ -31,8 +31,6 @@ _SUMMING = 1e-9
 """Relative: more than sums of prominences are."""
 _FIRST_TILES = 8
 """Tiles to look for the best image in first; then ever more at once."""
-_FEW = 2_000
-"""Candidates of which all may be looked at once more, in double precision, where the bounds leave a decision open."""
 _LESS = 0.7
 """What a decision begins with, of what the last one took."""
 
@@ -113,9 +111,13 @@ def screened_match(
             break
         share = 2.0 * share
     effort.note(min(share, 1.0))
-    if prominent is None and len(layout.frames) <= _FEW:
-        curve.narrow()
-        prominent = _prominent(curve.similarity, layout.slots, layout.total, curve.height, settings)
+    if prominent is None:
+        # Most often it is open how many peaks there are, which some neighbours on the curve decide.
+        for closely in (_unordered(curve.similarity, layout.slots, layout.total), np.arange(len(layout.frames))):
+            curve.narrow(closely)
+            prominent = _prominent(curve.similarity, layout.slots, layout.total, curve.height, settings)
+            if prominent is not None:
+                break
     return None if prominent is None else (match, prominent)
 
 
@@ -136,7 +138,7 @@ class _Curve:
         self.height = 0.0, np.inf
         tiles, self._tile_of = np.unique(layout.frames // TILE, return_inverse=True)
         self._screened = np.zeros(len(tiles), np.bool_)
-        self._exact: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._narrow: NDArray[np.int64] = np.zeros(0, np.int64)
 
     def best(self) -> ScreenedMatch | None:
         """Return the most similar image; None if that is too close to call."""
@@ -160,7 +162,7 @@ class _Curve:
         ).any():
             return None
         low[close], high[close] = (1.0 - _ROUNDING) / distances, (1.0 + _ROUNDING) / distances
-        self._exact = close
+        self._narrow = close
         best = int(close[first])
         self.height = float(low[best]), float(high[best])
         return ScreenedMatch(int(self._layout.frames[best]), self._layout.node_of(best), int(exact.shifts[first]))
@@ -173,12 +175,12 @@ class _Curve:
             left = np.flatnonzero(~self._screened)
             self._screen(left[np.argsort(-unknown[left], kind="stable")[:wanted]])
 
-    def narrow(self) -> None:
-        """Bound all similarities within rounding, but those that are known better."""
-        found = _similarities(self._images.narrow(self._frame, self._layout.frames))
-        new = np.ones(len(found.low), np.bool_)
-        new[self._exact] = False
-        self.similarity.low[new], self.similarity.high[new] = found.low[new], found.high[new]
+    def narrow(self, which: NDArray[np.int64]) -> None:
+        """Bound some similarities within rounding, but those that are known better."""
+        at = np.setdiff1d(which, self._narrow)
+        self._narrow = np.union1d(self._narrow, at)
+        found = _similarities(self._images.narrow(self._frame, self._layout.frames[at]))
+        self.similarity.low[at], self.similarity.high[at] = found.low, found.high
 
     def _screen(self, tiles: NDArray[np.int64]) -> None:
         self._screened[tiles] = True
@@ -187,7 +189,7 @@ class _Curve:
         at = np.flatnonzero(chosen[self._tile_of])
         found = _similarities(self._images.bounds(self._frame, self._layout.frames[at]))
         known = np.zeros(len(self._tile_of), np.bool_)
-        known[self._exact] = True
+        known[self._narrow] = True
         new = ~known[at]
         self.similarity.low[at[new]], self.similarity.high[at[new]] = found.low[new], found.high[new]
 
@@ -219,9 +221,7 @@ def _prominent(
     settings
         See `screened_match`.
     """
-    middle, radius = np.zeros(total + 2), np.zeros(total + 2)
-    middle[slots + 1] = (similarity.low + similarity.high) / 2.0
-    radius[slots + 1] = (similarity.high - similarity.low) / 2.0
+    middle, radius = _on_curve(similarity, slots, total)
     fewest, most_peaks = _count_peaks(middle, radius)
     if most_peaks < 2:
         return settings.single_peak == "accept"
@@ -240,16 +240,39 @@ def _prominent(
     return None
 
 
+def _on_curve(
+    similarity: _Range, slots: NDArray[np.int64], total: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the middle of the range at every place of a curve that begins and ends at 0, and half its width."""
+    middle, radius = np.zeros(total + 2), np.zeros(total + 2)
+    middle[slots + 1] = (similarity.low + similarity.high) / 2.0
+    radius[slots + 1] = (similarity.high - similarity.low) / 2.0
+    return middle, radius
+
+
+def _unordered(similarity: _Range, slots: NDArray[np.int64], total: int) -> NDArray[np.int64]:
+    """Return which candidates may be higher or lower than a neighbour on the curve."""
+    unsure = _unsure(*_on_curve(similarity, slots, total))
+    beside = np.zeros(total + 2, np.bool_)
+    beside[1:] |= unsure
+    beside[:-1] |= unsure
+    return np.flatnonzero(beside[slots + 1])
+
+
+def _unsure(middle: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return at which places of a curve it is not known whether the next one is higher or lower."""
+    unsure: NDArray[np.bool_] = np.abs(np.diff(middle)) <= radius[1:] + radius[:-1]
+    return unsure & ((radius[1:] > 0.0) | (radius[:-1] > 0.0))
+
+
 def _count_peaks(middle: NDArray[np.float64], radius: NDArray[np.float64]) -> tuple[int, int]:
     """Return how many peaks a curve has at least and at most, for all values within the radius.
 
     There are as many peaks as changes from rising to falling. Those of the neighbours whose order is known are there
     whatever the order of the others, of which every two make at most one peak more.
     """
-    steps = np.diff(middle)
-    unsure = np.abs(steps) <= radius[1:] + radius[:-1]
-    unsure &= (radius[1:] > 0.0) | (radius[:-1] > 0.0)
-    signs = np.sign(steps[~unsure])
+    unsure = _unsure(middle, radius)
+    signs = np.sign(np.diff(middle)[~unsure])
     signs = signs[signs != 0.0]
     fewest = int(((signs[:-1] > 0.0) & (signs[1:] < 0.0)).sum())
     return fewest, fewest + int(unsure.sum())
