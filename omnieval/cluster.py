@@ -143,7 +143,7 @@ class ClusterExecutor(Executor):
     def __init__(self, client: Any, spec: ClusterSpec) -> None:
         self._client, self._spec = client, spec
         self._inner = client.get_executor(pure=False)
-        self._seen = time.monotonic()
+        self._missed_since: float | None = None
         self.count = self._threads()
         self.dashboard: str | None = client.dashboard_link if _has_dashboard() else None
 
@@ -179,7 +179,7 @@ class ClusterExecutor(Executor):
         return isinstance(error, import_module("distributed").KilledWorker)
 
     def check(self) -> None:
-        """See that somebody is there to work.
+        """See that somebody is there to work; to be asked again and again, as it counts from when it first saw nobody.
 
         Raises
         ------
@@ -190,9 +190,12 @@ class ClusterExecutor(Executor):
             threads = self._threads()
         except (OSError, TimeoutError) as error:
             raise LostClusterError(f"the scheduler of {self._spec.text} is lost") from error
+        now = time.monotonic()
         if threads:
-            self._seen = time.monotonic()
-        elif time.monotonic() - self._seen > self._spec.wait:
+            self._missed_since = None
+        elif self._missed_since is None:
+            self._missed_since = now
+        elif now - self._missed_since > self._spec.wait:
             raise LostClusterError(f"no worker of {self._spec.text} is left, for {self._spec.wait:.0f} seconds")
 
     def _threads(self) -> int:

@@ -6,10 +6,39 @@ from importlib import import_module
 import pytest
 
 from omnieval import cluster
-from omnieval.cluster import SLURM, ClusterSpec, Slurm, differing_workers
+from omnieval.cluster import SLURM, ClusterExecutor, ClusterSpec, LostClusterError, Slurm, differing_workers
 from omnieval.cores import SHARE
 from omnieval.errors import ConfigError
 from tests.cli.test_cli import fails, in_process
+
+
+class Elsewhere:
+    """A scheduler that has as many threads as is said, one number for each time that somebody asks."""
+
+    status = "running"
+    dashboard_link = None
+
+    def __init__(self, *threads: int) -> None:
+        self._threads = iter((1, *threads))  # it is asked once when the executor is made
+
+    def get_executor(self, **_: object) -> None:
+        return None
+
+    def nthreads(self) -> dict[str, int]:
+        return {"worker": next(self._threads)}
+
+
+def test_workers_are_missed_from_when_it_is_first_seen(monkeypatch):
+    """Nobody looks while jobs are long, or the driver is busy: what was then is not known."""
+    now = [0.0]
+    monkeypatch.setattr("omnieval.cluster.time.monotonic", lambda: now[0])
+    executor = ClusterExecutor(Elsewhere(0, 0, 2, 0, 0, 0), ClusterSpec("local:2", local=2))
+    for seconds in (100.0, 159.0, 170.0, 300.0, 359.0):
+        now[0] = seconds
+        executor.check()
+    now[0] = 361.0
+    with pytest.raises(LostClusterError, match="for 60 seconds"):
+        executor.check()
 
 
 def test_what_is_asked_for(monkeypatch, tmp_path):

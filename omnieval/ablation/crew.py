@@ -75,9 +75,11 @@ class Crew:
         waiting = set(futures)
         while waiting:
             done, waiting = wait(waiting, _LOOK_S, FIRST_COMPLETED)
-            if not done or any(future.cancelled() for future in done):
+            if any(future.cancelled() for future in done):
                 self._look()
             yield from done
+            if waiting:
+                self._look()
 
     def killed(self, future: Future[Any]) -> bool:
         """Whether a job has ended with the workers that had it, perhaps through another that they had too."""

@@ -26,6 +26,9 @@ GRID = (*SETTINGS, "--vary", "omega=0.5,3.5", "--vary", "merge_y=0.5,20,1000")
 OFTEN = "import omnieval.results.run_folder as folder; folder._PART_ROWS = 5"
 """Lets a short run write as many parts as a long one."""
 
+MORE = 5
+"""Times as many kills, at most, until one was in the middle: how fast a command is may change from one to the next."""
+
 _CODE = """
 import sys
 import omnieval.ablation.run, omnieval.loop, omnieval.recording.recorder
