@@ -138,7 +138,7 @@ class _Curve:
         self.height = 0.0, np.inf
         tiles, self._tile_of = np.unique(layout.frames // TILE, return_inverse=True)
         self._screened = np.zeros(len(tiles), np.bool_)
-        self._narrow: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._narrowed: NDArray[np.int64] = np.zeros(0, np.int64)
 
     def best(self) -> ScreenedMatch | None:
         """Return the most similar image; None if that is too close to call."""
@@ -162,7 +162,7 @@ class _Curve:
         ).any():
             return None
         low[close], high[close] = (1.0 - _ROUNDING) / distances, (1.0 + _ROUNDING) / distances
-        self._narrow = close
+        self._narrowed = close
         best = int(close[first])
         self.height = float(low[best]), float(high[best])
         return ScreenedMatch(int(self._layout.frames[best]), self._layout.node_of(best), int(exact.shifts[first]))
@@ -177,8 +177,8 @@ class _Curve:
 
     def narrow(self, which: NDArray[np.int64]) -> None:
         """Bound some similarities within rounding, but those that are known better."""
-        at = np.setdiff1d(which, self._narrow)
-        self._narrow = np.union1d(self._narrow, at)
+        at = np.setdiff1d(which, self._narrowed)
+        self._narrowed = np.union1d(self._narrowed, at)
         found = _similarities(self._images.narrow(self._frame, self._layout.frames[at]))
         self.similarity.low[at], self.similarity.high[at] = found.low, found.high
 
@@ -189,7 +189,7 @@ class _Curve:
         at = np.flatnonzero(chosen[self._tile_of])
         found = _similarities(self._images.bounds(self._frame, self._layout.frames[at]))
         known = np.zeros(len(self._tile_of), np.bool_)
-        known[self._narrow] = True
+        known[self._narrowed] = True
         new = ~known[at]
         self.similarity.low[at[new]], self.similarity.high[at[new]] = found.low[new], found.high[new]
 
